@@ -1,0 +1,63 @@
+"""handtrack: track 3D hand joint sequences, record, replay and measure them.
+
+The public names load on first use, so that `import handtrack` and the command line are quick.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+_WHERE = {
+    "HandtrackError": "errors",
+    "InputError": "errors",
+    "SettingsError": "errors",
+    "ModelError": "errors",
+    "HandModel": "hand.model",
+    "Limits": "hand.limits",
+    "Sequence": "sequences.sequence",
+    "load": "sequences.load",
+    "Fit": "fitting.bcd",
+    "fit": "fitting.bcd",
+    "calibrate": "fitting.calibrate",
+    "Tracker": "tracking.tracker",
+    "track": "tracking.tracker",
+    "Track": "tracking.track",
+    "write_mcap": "recording.mcap_io",
+    "read_mcap": "recording.mcap_io",
+    "log_rerun": "recording.rerun_log",
+    "stability": "evaluation.stability",
+}
+
+__all__ = [*sorted(_WHERE), "__version__", "metrics"]
+
+if TYPE_CHECKING:
+    from handtrack.errors import HandtrackError, InputError, ModelError, SettingsError
+    from handtrack.evaluation import metrics
+    from handtrack.evaluation.stability import stability
+    from handtrack.fitting.bcd import Fit, fit
+    from handtrack.fitting.calibrate import calibrate
+    from handtrack.hand.limits import Limits
+    from handtrack.hand.model import HandModel
+    from handtrack.recording.mcap_io import read_mcap, write_mcap
+    from handtrack.recording.rerun_log import log_rerun
+    from handtrack.sequences.load import load
+    from handtrack.sequences.sequence import Sequence
+    from handtrack.tracking.track import Track
+    from handtrack.tracking.tracker import Tracker, track
+
+
+def __getattr__(name: str) -> Any:
+    if name == "metrics":
+        return importlib.import_module("handtrack.evaluation.metrics")
+    if name in _WHERE:
+        value = getattr(importlib.import_module(f"handtrack.{_WHERE[name]}"), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module 'handtrack' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,233 @@
+"""HandModel: a hand's rest skeleton, joint axes, limits and skin, and its kinematics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from handtrack.errors import ModelError
+from handtrack.hand.limits import DEFAULT_LIMITS, Limits, preset
+from handtrack.hand.rotations import about_axis
+from handtrack.hand.skeleton import (
+    HANDS,
+    N_ANGLES,
+    N_JOINTS,
+    N_PARTS,
+    PALM,
+    PARENTS,
+    PART_JOINT,
+    Hand,
+)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class HandModel:
+    """A hand that 20 angles and a rigid transform bring into any pose.
+
+    The rest pose (all angles zero) is the flat hand, in the root frame: right-handed, in
+    metres, the wrist at `rest_joints[0]`. For the hand that ships with the project the
+    wrist is the origin, x points to the fingertips and z out of the back of the hand.
+
+    Joint k turns by R_k = exp(n_z phi_z) exp(n_y phi_y) (a saddle, Li et al. 2021 eq. 2) or
+    R_k = exp(n_z phi_z) (a hinge, eq. 1); rotations accumulate along the chain (eq. 4, 5),
+    so a child rests at t_c = t_k + A_k (p_c - p_k) with A_k = A_parent(k) R_k.
+    Flexion (n_z) is positive towards the palm; abduction (n_y) is positive towards the
+    thumb's side (for the thumb: away from the index finger), for right and left hands.
+
+    Attributes:
+        name: what the model is, for people ("default", "mano", ...).
+        hand: "left" or "right".
+        rest_joints: (21, 3) [m].
+        axes: (20, 3) unit rotation axis of each angle at rest, in the root frame.
+        limits: limits of the angles.
+        rest_vertices: (V, 3) skin at rest [m]; V = 0 for a skeleton without a skin.
+        faces: (F, 3) triangles, counter-clockwise from outside.
+        weights: (V, 16) skinning weights of the moving parts; rows sum to one.
+        licensed: the skin comes from files that may not be passed on.
+
+    Raises:
+        ModelError: shapes do not fit, values are not finite, a bone has no length, an axis
+            is not of unit length, or weights do not sum to one.
+    """
+
+    name: str
+    hand: Hand
+    rest_joints: Array
+    axes: Array
+    limits: Limits
+    rest_vertices: Array
+    faces: NDArray[np.int32]
+    weights: Array
+    licensed: bool = False
+
+    def __post_init__(self) -> None:
+        if self.hand not in HANDS:
+            raise ModelError(f"model {self.name}: hand is {self.hand!r}, expected left or right")
+        n = len(self.rest_vertices)
+        expected = {
+            "rest_joints": (N_JOINTS, 3),
+            "axes": (N_ANGLES, 3),
+            "rest_vertices": (n, 3),
+            "faces": (len(self.faces), 3),
+            "weights": (n, N_PARTS),
+        }
+        for field, shape in expected.items():
+            dtype = np.int32 if field == "faces" else np.float64
+            value = np.array(getattr(self, field), dtype=dtype, order="C")
+            if value.shape != shape:
+                raise ModelError(
+                    f"model {self.name}: {field} has shape {value.shape}, expected {shape}"
+                )
+            if not np.isfinite(value).all():
+                raise ModelError(f"model {self.name}: {field} holds values that are not finite")
+            value.flags.writeable = False
+            object.__setattr__(self, field, value)
+        short = np.flatnonzero(self.bone_lengths < 1e-6)
+        if short.size:
+            raise ModelError(f"model {self.name}: the bone to joint {short[0] + 1} has no length")
+        if np.abs(np.linalg.norm(self.axes, axis=1) - 1).max() > 1e-6:
+            raise ModelError(f"model {self.name}: axes must be of unit length")
+        if n and np.abs(self.weights.sum(1) - 1).max() > 1e-4:
+            raise ModelError(f"model {self.name}: skinning weights must sum to one per vertex")
+        if len(self.faces) and not 0 <= self.faces.min() <= self.faces.max() < n:
+            raise ModelError(f"model {self.name}: faces name vertices that do not exist")
+
+    @staticmethod
+    def default(hand: Hand = "right", limits: str = DEFAULT_LIMITS) -> HandModel:
+        """The free hand that ships with the project (see `handtrack.hand.default`)."""
+        from handtrack.hand.default import default_hand
+
+        return default_hand(hand, preset(limits))
+
+    @property
+    def bone_lengths(self) -> Array:
+        """(20,) lengths of the bones to joints 1..20 [m]."""
+        return np.asarray(
+            np.linalg.norm(self.rest_joints[1:] - self.rest_joints[PARENTS[1:]], axis=1)
+        )
+
+    @property
+    def size(self) -> float:
+        """Mean distance from the wrist to the four finger bases [m], the palm's length."""
+        return float(
+            np.linalg.norm(self.rest_joints[PALM[2:]] - self.rest_joints[0], axis=1).mean()
+        )
+
+    def with_limits(self, limits: Limits | str) -> HandModel:
+        """The same hand under other limits, given or named."""
+        return replace(self, limits=preset(limits) if isinstance(limits, str) else limits)
+
+    def scaled(self, factor: float) -> HandModel:
+        """The same hand, `factor` times as large."""
+        return replace(
+            self, rest_joints=self.rest_joints * factor, rest_vertices=self.rest_vertices * factor
+        )
+
+    def rotations(self, angles: ArrayLike) -> Array:
+        """Accumulated rotations A_k of the 16 moving parts, (..., 16, 3, 3), root frame.
+
+        Args:
+            angles: (..., 20) [rad].
+        """
+        angles = np.asarray(angles, dtype=np.float64)
+        if angles.shape[-1:] != (N_ANGLES,):
+            raise ModelError(f"angles have shape {angles.shape}, expected (..., 20)")
+        single = about_axis(self.axes, angles)
+        out = np.empty((*angles.shape[:-1], N_PARTS, 3, 3))
+        out[..., 0, :, :] = np.eye(3)
+        for f in range(5):
+            a, part = 4 * f, 1 + 3 * f
+            out[..., part, :, :] = single[..., a, :, :] @ single[..., a + 1, :, :]  # eq. 2
+            for i in (1, 2):
+                out[..., part + i, :, :] = (  # eq. 1 and 4
+                    out[..., part + i - 1, :, :] @ single[..., a + 1 + i, :, :]
+                )
+        return out
+
+    def parts(self, angles: ArrayLike) -> tuple[Array, Array]:
+        """Where the 16 moving parts are, in the root frame.
+
+        Args:
+            angles: (..., 20) [rad].
+
+        Returns:
+            rotations (..., 16, 3, 3) and positions (..., 16, 3) of the parts' joints [m].
+        """
+        rotations = self.rotations(angles)
+        return rotations, self._chain(rotations)[..., PART_JOINT, :]
+
+    def _chain(self, rotations: Array) -> Array:
+        joints = np.empty((*rotations.shape[:-3], N_JOINTS, 3))
+        rest = self.rest_joints
+        joints[..., PALM, :] = rest[PALM]
+        for f in range(5):
+            for i in range(3):
+                k, part = 4 * f + 1 + i, 1 + 3 * f + i
+                bone = rotations[..., part, :, :] @ (rest[k + 1] - rest[k])
+                joints[..., k + 1, :] = joints[..., k, :] + bone  # eq. 5
+        return joints
+
+    def joints(
+        self, angles: ArrayLike, rotation: ArrayLike | None = None, translation: ArrayLike = 0.0
+    ) -> Array:
+        """Joint positions of poses (forward kinematics, Li et al. 2021 eq. 4 and 5).
+
+        Args:
+            angles: (..., 20) [rad].
+            rotation: (..., 3, 3) from the root frame to the world; identity by default.
+            translation: (..., 3) of the root frame's origin in the world [m].
+
+        Returns:
+            (..., 21, 3) [m], world frame.
+        """
+        return _place(self._chain(self.rotations(angles)), rotation, translation)
+
+    def vertices(
+        self, angles: ArrayLike, rotation: ArrayLike | None = None, translation: ArrayLike = 0.0
+    ) -> Array:
+        """Skin vertices of poses by linear-blend skinning.
+
+        Args and frames as `joints`; one matrix product per call does all poses.
+
+        Returns:
+            (..., V, 3) [m], world frame.
+
+        Raises:
+            ModelError: the model has no skin.
+        """
+        if not len(self.rest_vertices):
+            raise ModelError(f"model {self.name} has no skin")
+        rotations, positions = self.parts(angles)
+        offsets = positions - np.einsum("...pij,pj->...pi", rotations, self.rest_joints[PART_JOINT])
+        rotation = np.eye(3) if rotation is None else np.asarray(rotation, dtype=np.float64)
+        translation = np.asarray(translation, dtype=np.float64)
+        rotations = rotation[..., None, :, :] @ rotations
+        offsets = np.einsum("...ij,...pj->...pi", rotation, offsets) + translation[..., None, :]
+        transforms = np.concatenate([rotations, offsets[..., None]], -1)  # (..., 16, 3, 4)
+        lead = transforms.shape[:-3]
+        # vertex v, pose n: sum_p w_vp T_np [x_v; 1] as one product over (part, homogeneous axis)
+        basis = self._skin_basis
+        flat = np.moveaxis(transforms.reshape(-1, N_PARTS, 3, 4), 2, 1).reshape(-1, 64)
+        return (flat @ basis).reshape(*lead, 3, -1).swapaxes(-1, -2)
+
+    @cached_property
+    def _skin_basis(self) -> Array:
+        """(64, V): weight of part p times homogeneous rest coordinate c, for row 4 p + c."""
+        homogeneous = np.concatenate([self.rest_vertices, np.ones((len(self.rest_vertices), 1))], 1)
+        basis = self.weights[:, :, None] * homogeneous[:, None, :]
+        return np.ascontiguousarray(basis.reshape(len(self.rest_vertices), 64).T)
+
+
+def _place(points: Array, rotation: ArrayLike | None, translation: ArrayLike) -> Array:
+    translation = np.asarray(translation, dtype=np.float64)
+    if rotation is not None:
+        rotation = np.asarray(rotation, dtype=np.float64)
+        points = np.einsum("...ij,...kj->...ki", rotation, points)
+    return np.asarray(
+        points + translation[..., None, :] if translation.ndim else points + translation
+    )

@@ -1,0 +1,58 @@
+"""Rotations as matrices, vectors and quaternions (wxyz), over any leading axes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def about_axis(axis: ArrayLike, angle: ArrayLike) -> Array:
+    """Rotation matrices (..., 3, 3) about unit axes (..., 3) by angles (...) [rad] (Rodrigues)."""
+    n = np.asarray(axis, dtype=np.float64)
+    angle = np.asarray(angle, dtype=np.float64)
+    c, s = np.cos(angle)[..., None, None], np.sin(angle)[..., None, None]
+    x, y, z = n[..., 0], n[..., 1], n[..., 2]
+    o = np.zeros_like(x)
+    cross = np.stack([o, -z, y, z, o, -x, -y, x, o], -1).reshape(*n.shape[:-1], 3, 3)
+    outer = n[..., :, None] * n[..., None, :]
+    return np.asarray(c * np.eye(3) + s * cross + (1 - c) * outer)
+
+
+def matrix_to_quaternion(matrix: ArrayLike) -> Array:
+    """Unit quaternions (..., 4) wxyz with w >= 0 of rotation matrices (..., 3, 3).
+
+    Built from the largest of the four squared components, so it is accurate at any angle.
+    """
+    m = np.asarray(matrix, dtype=np.float64)
+    m00, m11, m22 = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    a, b, c = m[..., 2, 1], m[..., 0, 2], m[..., 1, 0]
+    d, e, f = m[..., 1, 2], m[..., 2, 0], m[..., 0, 1]
+    # four times the outer product of the quaternion with itself, row by row
+    rows = np.stack(
+        [
+            np.stack([1 + m00 + m11 + m22, a - d, b - e, c - f], -1),
+            np.stack([a - d, 1 + m00 - m11 - m22, f + c, b + e], -1),
+            np.stack([b - e, f + c, 1 - m00 + m11 - m22, d + a], -1),
+            np.stack([c - f, b + e, d + a, 1 - m00 - m11 + m22], -1),
+        ],
+        -2,
+    )
+    best = np.argmax(np.diagonal(rows, axis1=-2, axis2=-1), -1)
+    q = np.take_along_axis(rows, best[..., None, None], -2)[..., 0, :]
+    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    return np.asarray(np.where(q[..., :1] < 0, -q, q))
+
+
+def quaternion_to_matrix(quaternion: ArrayLike) -> Array:
+    """Rotation matrices (..., 3, 3) of quaternions (..., 4) wxyz, normalised first."""
+    q = np.asarray(quaternion, dtype=np.float64)
+    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, -1) for row in rows], -2)

@@ -1,0 +1,139 @@
+"""Sequence: the joints of one hand over time, as everything after the readers sees them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.errors import InputError
+from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Sequence:
+    """Joints of one hand over time; checked when made, trusted after.
+
+    Attributes:
+        time_ns: (T,) int64 nanoseconds, strictly increasing.
+        joints: (T, 21, 3) [m], in the source's world frame; NaN = missing (a joint with one
+            missing coordinate is missing).
+        confidence: (T, 21) in 0..1; 0 where the joint is missing. Left out: 1 where present.
+        hand: "left" or "right".
+        frame_index: (T,) int64 frame numbers as in the source. Left out: 0..T-1.
+        truth: (T, 21, 3) [m] true joints where they are known, or None.
+        name: short name for tables and topics.
+        source: where it was read from.
+        subject: who, where the source says so.
+        notes: what the reader wants the user to know, one line each.
+
+    Raises:
+        InputError: wrong shapes, no frames, no joint at all, infinite values, confidence
+            outside 0..1, or time that does not increase (with the frame and both stamps).
+    """
+
+    time_ns: NDArray[np.int64]
+    joints: Array
+    confidence: Array = field(default=None)  # type: ignore[assignment]
+    hand: Hand = "right"
+    frame_index: NDArray[np.int64] = field(default=None)  # type: ignore[assignment]
+    truth: Array | None = None
+    name: str = "sequence"
+    source: str = ""
+    subject: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        where = self.source or None
+        joints = np.array(self.joints, dtype=np.float64)
+        if joints.ndim != 3 or joints.shape[1:] != (N_JOINTS, 3):
+            raise InputError(f"joints have shape {joints.shape}, expected (frames, 21, 3)", where)
+        n = len(joints)
+        if n == 0:
+            raise InputError("no frames", where)
+        if np.isinf(joints).any():
+            t = int(np.flatnonzero(np.isinf(joints).any((1, 2)))[0])
+            raise InputError(f"frame {t}: a joint is infinite, expected metres or NaN", where)
+        missing = np.isnan(joints).any(-1)
+        joints[missing] = np.nan
+        if missing.all():
+            raise InputError("every joint is missing in every frame", where)
+        time_ns = np.array(self.time_ns, dtype=np.int64)
+        if time_ns.shape != (n,):
+            raise InputError(f"{time_ns.shape} time stamps for {n} frames", where)
+        back = np.flatnonzero(np.diff(time_ns) <= 0)
+        if back.size:
+            i = int(back[0])
+            raise InputError(
+                f"time does not increase: frame {i} is at {time_ns[i] * 1e-9:.6f} s,"
+                f" frame {i + 1} at {time_ns[i + 1] * 1e-9:.6f} s",
+                where,
+            )
+        given: Array | None = self.confidence
+        confidence = np.ones((n, N_JOINTS)) if given is None else np.array(given, np.float64)
+        if confidence.shape != (n, N_JOINTS):
+            raise InputError(f"confidence has shape {confidence.shape}, expected ({n}, 21)", where)
+        confidence[missing] = 0.0
+        if not ((confidence >= 0) & (confidence <= 1)).all():
+            raise InputError("confidence must lie in 0..1", where)
+        index: NDArray[np.int64] | None = self.frame_index
+        frame_index = np.array(np.arange(n) if index is None else index, dtype=np.int64)
+        if frame_index.shape != (n,):
+            raise InputError(f"{frame_index.shape} frame numbers for {n} frames", where)
+        truth = None if self.truth is None else np.array(self.truth, dtype=np.float64)
+        if truth is not None and truth.shape != joints.shape:
+            raise InputError(
+                f"truth has shape {truth.shape}, expected {joints.shape} like the joints", where
+            )
+        if self.hand not in HANDS:
+            raise InputError(f"hand is {self.hand!r}, expected left or right", where)
+        for name, value in (
+            ("joints", joints),
+            ("time_ns", time_ns),
+            ("confidence", confidence),
+            ("frame_index", frame_index),
+            ("truth", truth),
+        ):
+            if value is not None:
+                value.flags.writeable = False
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.time_ns)
+
+    @property
+    def fps(self) -> float:
+        """Median frame rate [1/s]; NaN for a single frame."""
+        if len(self) < 2:
+            return float("nan")
+        return float(1e9 / np.median(np.diff(self.time_ns)))
+
+    @property
+    def present(self) -> NDArray[np.bool_]:
+        """(T, 21) whether each joint was observed."""
+        return ~np.isnan(self.joints[..., 0])
+
+    def frames(self, start: int, stop: int) -> Sequence:
+        """The part whose source frame numbers lie in start..stop, both included.
+
+        Raises:
+            InputError: no frame lies there.
+        """
+        keep = (self.frame_index >= start) & (self.frame_index <= stop)
+        if not keep.any():
+            raise InputError(
+                f"no frame in {start}:{stop}, the sequence has"
+                f" {self.frame_index[0]}:{self.frame_index[-1]}",
+                self.source or None,
+            )
+        return replace(
+            self,
+            time_ns=self.time_ns[keep],
+            joints=self.joints[keep],
+            confidence=self.confidence[keep],
+            frame_index=self.frame_index[keep],
+            truth=None if self.truth is None else self.truth[keep],
+        )

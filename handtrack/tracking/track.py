@@ -1,0 +1,112 @@
+"""Track: all that was computed of a tracked sequence, with what made it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.hand.model import HandModel
+from handtrack.hand.rotations import quaternion_to_matrix
+from handtrack.hand.skeleton import Hand
+
+Array = NDArray[np.float64]
+STATUSES = ("fitted", "predicted", "lost")
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something worth a line in the log: a loss, a recovery, a rejected joint.
+
+    Attributes:
+        time_ns: when, on the sequence's clock [ns].
+        level: "info" or "warning".
+        text: one line.
+    """
+
+    time_ns: int
+    level: str
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A tracked sequence. Recorders, replay, metrics and reports see only this.
+
+    Shapes are for T frames; metres, radians, nanoseconds, quaternions wxyz (root to world).
+    Where nothing was fitted (status "lost") poses and fitted joints are NaN.
+
+    Attributes:
+        name, hand, source, subject: as in the Sequence.
+        time_ns: (T,) int64.
+        frame_index: (T,) int64, frame numbers of the source.
+        observed: (T, 21, 3) the joints given, NaN = missing.
+        confidence: (T, 21) as given, 0 where missing.
+        truth: (T, 21, 3) or None.
+        angles_raw, angles: (T, 20) as fitted, and after the filter (equal without one).
+        quaternion_raw, quaternion: (T, 4).
+        translation_raw, translation: (T, 3).
+        fitted_joints, filtered_joints: (T, 21, 3) of the raw and of the filtered pose.
+        angle_variance: (T, 20) [rad^2] of the raw angles, inf where nothing observes one.
+        objective: (T,) sum of weighted squared distances [m^2] of the raw fit.
+        sweeps: (T,) iterations of the fitter.
+        status: (T,) of "fitted", "predicted", "lost".
+        reason: (T,) why, for every frame that is not plainly fitted; else "".
+        model: the hand that was fitted.
+        settings: what made the track: plain JSON values by name.
+        version: version of handtrack that made it.
+        events: what happened, in order of time.
+    """
+
+    name: str
+    hand: Hand
+    time_ns: NDArray[np.int64]
+    frame_index: NDArray[np.int64]
+    observed: Array
+    confidence: Array
+    truth: Array | None
+    angles_raw: Array
+    angles: Array
+    quaternion_raw: Array
+    quaternion: Array
+    translation_raw: Array
+    translation: Array
+    fitted_joints: Array
+    filtered_joints: Array
+    angle_variance: Array
+    objective: Array
+    sweeps: NDArray[np.int64]
+    status: NDArray[np.str_]
+    reason: NDArray[np.str_]
+    model: HandModel
+    settings: Mapping[str, object] = field(default_factory=dict)
+    version: str = ""
+    source: str = ""
+    subject: str = ""
+    events: tuple[Event, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.time_ns)
+
+    @property
+    def filtered(self) -> bool:
+        """Whether an angle filter made `angles` differ from `angles_raw`."""
+        return self.settings.get("filter", "none") != "none"
+
+    @property
+    def error(self) -> Array:
+        """(T, 21) distance of each observed joint to the fitted (raw) one [m], NaN if missing."""
+        return np.asarray(np.linalg.norm(self.fitted_joints - self.observed, axis=-1))
+
+    @property
+    def fps(self) -> float:
+        """Median frame rate [1/s]; NaN for a single frame."""
+        return float(1e9 / np.median(np.diff(self.time_ns))) if len(self) > 1 else float("nan")
+
+    def vertices(self, frames: slice | NDArray[np.int64] | None = None) -> Array:
+        """(n, V, 3) skin of the filtered poses in the world [m], NaN in lost frames."""
+        pick = slice(None) if frames is None else frames
+        rotation = quaternion_to_matrix(self.quaternion[pick])
+        return self.model.vertices(self.angles[pick], rotation, self.translation[pick])
