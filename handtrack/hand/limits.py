@@ -60,7 +60,7 @@ class Limits:
 
     def contains(self, angles: ArrayLike, tolerance: float = 1e-9) -> NDArray[np.bool_]:
         """Whether angles (..., 20) [rad] keep every interval and every ellipse."""
-        return np.asarray(self.violation(angles).max(axis=-1) <= tolerance)
+        return np.asarray(self.violation(angles).max(axis=-1) <= tolerance, dtype=np.bool_)
 
     def violation(self, angles: ArrayLike) -> NDArray[np.float64]:
         """How far each angle (..., 20) [rad] is from its nearest valid value [rad]."""
@@ -85,7 +85,7 @@ class Limits:
             out[..., z : z + 2] = pair
             if outside.any():
                 out[outside, z : z + 2] = nearest_on_ellipse(pair[outside], axes[outside])
-        return out
+        return np.asarray(out)
 
 
 def nearest_on_ellipse(points: ArrayLike, axes: ArrayLike) -> NDArray[np.float64]:

@@ -24,6 +24,9 @@ from handtrack.hand.skeleton import (
 
 Array = NDArray[np.float64]
 
+# the fingers of a hand at rest are slightly bent
+_RELAXED = np.deg2rad([0, 0, 15, 10] + [20, 0, 25, 15] * 4)
+
 
 @dataclass(frozen=True, eq=False)
 class HandModel:
@@ -117,6 +120,11 @@ class HandModel:
         return float(
             np.linalg.norm(self.rest_joints[PALM[2:]] - self.rest_joints[0], axis=1).mean()
         )
+
+    @property
+    def mean_angles(self) -> Array:
+        """(20,) a relaxed hand inside the limits [rad], where a fit without a start begins."""
+        return self.limits.clamp(_RELAXED)
 
     def with_limits(self, limits: Limits | str) -> HandModel:
         """The same hand under other limits, given or named."""
@@ -213,7 +221,7 @@ class HandModel:
         # vertex v, pose n: sum_p w_vp T_np [x_v; 1] as one product over (part, homogeneous axis)
         basis = self._skin_basis
         flat = np.moveaxis(transforms.reshape(-1, N_PARTS, 3, 4), 2, 1).reshape(-1, 64)
-        return (flat @ basis).reshape(*lead, 3, -1).swapaxes(-1, -2)
+        return np.asarray((flat @ basis).reshape(*lead, 3, -1).swapaxes(-1, -2))
 
     @cached_property
     def _skin_basis(self) -> Array:

@@ -56,3 +56,21 @@ def quaternion_to_matrix(quaternion: ArrayLike) -> Array:
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
     return np.stack([np.stack(row, -1) for row in rows], -2)
+
+
+def vector_to_matrix(vector: ArrayLike) -> Array:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) [rad]."""
+    v = np.asarray(vector, dtype=np.float64)
+    angle = np.linalg.norm(v, axis=-1)
+    # the axis of no turn is of no matter, as long as it is one
+    axis = np.where(angle[..., None] > 0, v, np.array([1.0, 0.0, 0.0]))
+    axis = axis / np.where(angle > 0, angle, 1.0)[..., None]
+    return about_axis(axis, angle)
+
+
+def matrix_to_vector(matrix: ArrayLike) -> Array:
+    """Rotation vectors (..., 3) [rad], of length 0..pi, of rotation matrices (..., 3, 3)."""
+    q = matrix_to_quaternion(matrix)
+    s = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(s, q[..., :1])
+    return np.asarray(q[..., 1:] * np.where(s > 0, angle / np.where(s > 0, s, 1.0), 2.0))

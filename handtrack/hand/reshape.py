@@ -1,0 +1,74 @@
+"""Give a hand model other proportions: new rest joints, with the skin carried along."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from handtrack.hand.model import HandModel
+from handtrack.hand.skeleton import PALM, PART_JOINT
+
+Array = NDArray[np.float64]
+
+
+def reshaped(model: HandModel, rest_joints: ArrayLike, axes: ArrayLike | None = None) -> HandModel:
+    """The same hand with its joints resting elsewhere.
+
+    The skin follows: what hangs on a finger bone is stretched along the bone and turned with
+    it, with its thickness scaled by the hand's size; what hangs on the palm follows the six
+    palm joints smoothly. Parts blend by the skinning weights.
+
+    Args:
+        model: the hand to start from.
+        rest_joints: (21, 3) new rest positions in the root frame [m].
+        axes: (20, 3) new unit axes; the model's by default.
+
+    Returns:
+        A new model.
+
+    Raises:
+        ModelError: a bone would have no length, or values are not finite.
+    """
+    new = np.asarray(rest_joints, dtype=np.float64)
+    out = replace(
+        model,
+        rest_joints=new,
+        axes=model.axes if axes is None else np.asarray(axes, dtype=np.float64),
+    )
+    if not len(model.rest_vertices):
+        return out
+    old, v, w = model.rest_joints, model.rest_vertices, model.weights
+    size = out.size / model.size
+    moved = w[:, :1] * _palm(v, old[PALM], new[PALM], size)
+    for part in range(1, len(PART_JOINT)):
+        k = PART_JOINT[part]
+        turn = _bone_map(old[k + 1] - old[k], new[k + 1] - new[k], size)
+        moved += w[:, part : part + 1] * ((v - old[k]) @ turn.T + new[k])
+    return replace(out, rest_vertices=moved)
+
+
+def _bone_map(before: Array, after: Array, thickness: float) -> Array:
+    """(3, 3): the smallest turn from one bone to the other, stretched to its length."""
+    a, b = before / np.linalg.norm(before), after / np.linalg.norm(after)
+    c, s = a @ b, np.cross(a, b)
+    skew = np.array([[0, -s[2], s[1]], [s[2], 0, -s[0]], [-s[1], s[0], 0]])
+    turn = np.eye(3) + skew + skew @ skew / (1.0 + c)
+    along = np.linalg.norm(after) / np.linalg.norm(before)
+    stretch = thickness * np.eye(3) + (along - thickness) * np.outer(a, a)
+    return np.asarray(turn @ stretch)
+
+
+def _palm(points: Array, before: Array, after: Array, size: float) -> Array:
+    """Points scaled by size, plus what the six palm joints move beyond that, spread smoothly."""
+    centre, target = before.mean(0), after.mean(0)
+    base = (points - centre) * size + target
+    rest = after - ((before - centre) * size + target)
+    # interpolation with the kernel -|r| and a constant meets every joint exactly
+    n = len(before)
+    distance = np.linalg.norm(before[:, None] - before, axis=-1)
+    system = np.block([[-distance, np.ones((n, 1))], [np.ones((1, n)), np.zeros((1, 1))]])
+    solved = np.linalg.solve(system, np.vstack([rest, np.zeros((1, 3))]))
+    reach = np.linalg.norm(points[:, None] - before, axis=-1)
+    return np.asarray(base - reach @ solved[:n] + solved[n])
