@@ -37,9 +37,9 @@ class Sequence:
 
     time_ns: NDArray[np.int64]
     joints: Array
-    confidence: Array = field(default=None)  # type: ignore[assignment]
+    confidence: Array = field(default=None)  # type: ignore[arg-type]
     hand: Hand = "right"
-    frame_index: NDArray[np.int64] = field(default=None)  # type: ignore[assignment]
+    frame_index: NDArray[np.int64] = field(default=None)  # type: ignore[arg-type]
     truth: Array | None = None
     name: str = "sequence"
     source: str = ""

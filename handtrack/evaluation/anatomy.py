@@ -1,0 +1,193 @@
+"""Whether a hand stays a hand: bone lengths, joint limits, fingers that pass through others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Many
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from handtrack.errors import InputError, SettingsError
+from handtrack.evaluation.arrays import Array, nan_mean, points, sequence_of_points
+from handtrack.hand.limits import Limits
+from handtrack.hand.skeleton import BONES, N_ANGLES, N_JOINTS
+
+FINGER_RADII = np.array(
+    [
+        [0.0100, 0.0095, 0.0090],
+        [0.0090, 0.0080, 0.0070],
+        [0.0090, 0.0080, 0.0075],
+        [0.0085, 0.0080, 0.0070],
+        [0.0080, 0.0070, 0.0065],
+    ]
+)
+"""(5, 3) radii of the finger bones' capsules [m], base to tip: our choice, a little below half
+the breadth of an adult's fingers, for flesh gives way where fingers touch."""
+
+
+def bone_lengths(x: ArrayLike, bones: Many[tuple[int, int]] = BONES) -> Array:
+    """Lengths (..., B) of the bones (parent, child) of joints (..., J, 3), in their unit."""
+    x = points(x)
+    parents, children = np.array(bones).T
+    if max(parents.max(), children.max()) >= x.shape[-2]:
+        raise InputError(f"{x.shape[-2]} joints cannot hold a bone to joint {children.max()}")
+    return np.asarray(np.linalg.norm(x[..., children, :] - x[..., parents, :], axis=-1))
+
+
+def bone_length_drift(x: ArrayLike, bones: Many[tuple[int, int]] = BONES) -> Array:
+    """How much each bone's length varies over time, relative to its mean length.
+
+    Args:
+        x: (T, J, 3) joints, NaN = missing.
+        bones: (parent, child) pairs.
+
+    Returns:
+        (B,) standard deviation over frames / mean; 0 for a hand of constant bones, NaN for a
+        bone that was never seen.
+    """
+    lengths = bone_lengths(sequence_of_points(x), bones)
+    mean = nan_mean(lengths, 0)
+    std = np.sqrt(nan_mean((lengths - mean) ** 2, 0))
+    return np.asarray(std / np.where(mean > 0, mean, np.nan))
+
+
+@dataclass(frozen=True, eq=False)
+class LimitViolations:
+    """How far angles leave their limits.
+
+    Attributes:
+        share: part of the frames in which any angle does, 0..1; NaN without frames.
+        share_per_angle: (20,) the same for each angle.
+        mean_deg: mean violation over all angles and frames, zeros included [degrees].
+        max_deg: greatest violation [degrees].
+        degrees: (T, 20) distance of each angle to its nearest valid value [degrees].
+    """
+
+    share: float
+    share_per_angle: Array
+    mean_deg: float
+    max_deg: float
+    degrees: Array
+
+
+def limit_violations(
+    angles: ArrayLike, limits: Limits, tolerance_deg: float = 1e-3
+) -> LimitViolations:
+    """How often and by how much angles leave their limits (intervals and saddle ellipses).
+
+    Args:
+        angles: (T, 20) [rad]; frames with NaN are left out.
+        limits: the limits.
+        tolerance_deg: a violation up to this counts as none in the shares [degrees].
+
+    Raises:
+        InputError: angles are not (T, 20).
+    """
+    angles = np.asarray(angles, dtype=np.float64)
+    if angles.ndim != 2 or angles.shape[1] != N_ANGLES:
+        raise InputError(f"angles have shape {angles.shape}, expected (frames, 20)")
+    present = ~np.isnan(angles).any(1)
+    degrees = np.full(angles.shape, np.nan)
+    degrees[present] = np.rad2deg(limits.violation(angles[present]))
+    seen = degrees[present]
+    over = seen > tolerance_deg
+    n = max(1, len(seen))
+    empty = not len(seen)
+    return LimitViolations(
+        share=float("nan") if empty else float(over.any(1).mean()),
+        share_per_angle=np.full(N_ANGLES, np.nan) if empty else over.sum(0) / n,
+        mean_deg=float("nan") if empty else float(seen.mean()),
+        max_deg=float("nan") if empty else float(seen.max()),
+        degrees=degrees,
+    )
+
+
+def angle_error(a: ArrayLike, b: ArrayLike) -> Array:
+    """Mean absolute difference of angles per frame, the short way round the circle.
+
+    Args:
+        a, b: (..., N) [rad], NaN = missing.
+
+    Returns:
+        (...) [rad].
+    """
+    a = np.asarray(a, dtype=np.float64)
+    b = np.asarray(b, dtype=np.float64)
+    if a.shape != b.shape or a.ndim < 1:
+        raise InputError(f"the estimate has shape {a.shape}, the reference {b.shape}")
+    return nan_mean(np.abs((a - b + np.pi) % (2 * np.pi) - np.pi))
+
+
+def self_intersection(x: ArrayLike, radii: ArrayLike = FINGER_RADII) -> Array:
+    """How deep the bones of different fingers sink into each other, per frame.
+
+    Each finger bone is a capsule (Li et al. 2021): a segment with a radius. The depth of two
+    is the sum of their radii minus the distance of the segments. Bones of one finger and the
+    palm are not tested. Fingers that lie against each other reach 1-2 mm.
+
+    Args:
+        x: (T, 21, 3) joints [m] (or any unit that `radii` have), NaN = missing.
+        radii: (5, 3) radius of each finger's bones, base to tip.
+
+    Returns:
+        (T,) greatest depth, 0 where nothing touches, in the unit of x; NaN where no pair of
+        bones is complete.
+    """
+    x = sequence_of_points(x)
+    if x.shape[1] != N_JOINTS:
+        raise InputError(f"{x.shape[1]} joints, expected 21")
+    radii = np.asarray(radii, dtype=np.float64)
+    if radii.shape != (5, 3) or not (radii >= 0).all():
+        raise SettingsError(f"radii have shape {radii.shape}, expected (5, 3), none negative")
+    base = np.array([4 * f + 1 + i for f in range(5) for i in range(3)])
+    first, second = np.triu_indices(15, 1)
+    other = first // 3 != second // 3
+    first, second = first[other], second[other]
+    reach = radii.ravel()[first] + radii.ravel()[second]
+    out = np.empty(len(x))
+    for start in range(0, len(x), 2000):  # 90 pairs a frame: keep the temporaries small
+        block = x[start : start + 2000]
+        distance = segment_distance(
+            block[:, base[first]],
+            block[:, base[first] + 1],
+            block[:, base[second]],
+            block[:, base[second] + 1],
+        )
+        depth = reach - distance
+        known = ~np.isnan(depth)
+        deepest = np.where(known, np.maximum(depth, 0.0), 0.0).max(1)
+        out[start : start + 2000] = np.where(known.any(1), deepest, np.nan)
+    return out
+
+
+def segment_distance(p0: ArrayLike, p1: ArrayLike, q0: ArrayLike, q1: ArrayLike) -> Array:
+    """Distance (...) of the segments p0-p1 and q0-q1, each end (..., 3).
+
+    The least of |p0 + s u - q0 - t v| over the unit square is inside it, where the gradient
+    is zero, or on one of its four sides, where it is a point-to-segment distance.
+    """
+    p0, p1, q0, q1 = (np.asarray(v, dtype=np.float64) for v in (p0, p1, q0, q1))
+    u, v, w = p1 - p0, q1 - q0, p0 - q0
+    a, b, c = (u * u).sum(-1), (u * v).sum(-1), (v * v).sum(-1)
+    d, e = (u * w).sum(-1), (v * w).sum(-1)
+    det = a * c - b * b
+    skew = det > 1e-12 * a * c
+    safe = np.where(skew, det, 1.0)
+    s, t = (b * e - c * d) / safe, (a * e - b * d) / safe
+    inside = skew & (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
+    between = np.linalg.norm(w + s[..., None] * u - t[..., None] * v, axis=-1)
+    sides = np.minimum(
+        np.minimum(_point_segment(p0, q0, v, c), _point_segment(p1, q0, v, c)),
+        np.minimum(_point_segment(q0, p0, u, a), _point_segment(q1, p0, u, a)),
+    )
+    return np.asarray(np.where(inside, np.minimum(between, sides), sides))
+
+
+def _point_segment(
+    point: Array, start: Array, along: Array, squared_length: NDArray[np.float64]
+) -> Array:
+    offset = point - start
+    safe = np.where(squared_length > 0, squared_length, 1.0)
+    t = np.clip((offset * along).sum(-1) / safe, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(offset - t[..., None] * along, axis=-1))

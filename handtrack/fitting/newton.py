@@ -1,0 +1,430 @@
+"""Newton steps for one frame that keep the limits, on the structure of the hand.
+
+The Hessian is arrowhead-shaped: six unknowns of the root and five independent fingers of
+four. Every finger's small bounded problem is solved exactly for a given step of the root
+(`fingers.py`); how its solution answers the root makes up the Schur complement from which the
+root's step comes. A step is taken only if it lowers the objective.
+"""
+
+from __future__ import annotations
+
+import math
+
+from handtrack.fitting.compiled import inline, kernel
+from handtrack.fitting.fingers import guess_faces, inverse_squares, keeps_limits, solve_finger
+from handtrack.fitting.lanes import (
+    ANGLE_2,
+    ANGLE_Y,
+    ANGLE_Z,
+    BEFORE,
+    CHANGE,
+    CURVE,
+    D_2,
+    D_3,
+    D_Y,
+    D_Z,
+    FREE_2,
+    FREE_3,
+    FREE_N,
+    FREE_T,
+    H_22,
+    H_23,
+    H_33,
+    H_Y2,
+    H_Y3,
+    H_YY,
+    H_Z2,
+    H_Z3,
+    H_ZY,
+    H_ZZ,
+    L_01,
+    L_02,
+    L_03,
+    L_12,
+    L_13,
+    L_23,
+    LANES,
+    LOW_2,
+    NORMAL_Y,
+    NORMAL_Z,
+    P_0,
+    P_1,
+    P_2,
+    P_3,
+    RHO,
+    ROOT,
+    ROOT_BEFORE,
+    ROOT_GRAD,
+    ROOT_HESS,
+    ROOT_W,
+    ROOT_WX,
+    ROW,
+    ROW_2,
+    ROW_3,
+    ROW_Y,
+    ROW_Z,
+    ROWS,
+    STEP_2,
+    STEP_3,
+    STEP_Y,
+    STEP_Z,
+    SYSTEM,
+    UP_2,
+    G,
+    differentiate,
+    place,
+)
+from handtrack.fitting.vectors import cross, dot
+
+CONVERGED, LIMIT, STALLED = 0, 1, 2
+
+# a pivot below this share of Gauss-Newton's diagonal is lifted to it
+SOUND_PIVOT = 0.05
+# [m^2] keeps what nothing observes in place
+PIVOT_FLOOR = 1e-10
+# [m^2] an objective this small is zero
+_NOTHING = 1e-22
+
+
+@inline
+def lift_pivots(s, share):
+    """Make every finger's Hessian positive definite by raising its diagonal, if need be.
+
+    A pivot ends up no smaller than `share` of Gauss-Newton's diagonal.
+    """
+    for f in range(LANES):
+        a00, a01, a02, a03 = s[H_ZZ + f], s[H_ZY + f], s[H_Z2 + f], s[H_Z3 + f]
+        a11, a12, a13 = s[H_YY + f], s[H_Y2 + f], s[H_Y3 + f]
+        a22, a23, a33 = s[H_22 + f], s[H_23 + f], s[H_33 + f]
+        # L D L^T; the tip's pivot, given all others, is the weak one
+        d0 = max(a00, share * s[D_Z + f] + PIVOT_FLOOR)
+        l1, l2, l3 = a01 / d0, a02 / d0, a03 / d0
+        b11, b12, b13 = a11 - l1 * a01, a12 - l1 * a02, a13 - l1 * a03
+        b22, b23, b33 = a22 - l2 * a02, a23 - l2 * a03, a33 - l3 * a03
+        d1 = max(b11, share * s[D_Y + f] + PIVOT_FLOOR)
+        l2, l3 = b12 / d1, b13 / d1
+        c22, c23, c33 = b22 - l2 * b12, b23 - l2 * b13, b33 - l3 * b13
+        d2 = max(c22, share * s[D_2 + f] + PIVOT_FLOOR)
+        e33 = c33 - c23 * c23 / d2
+        d3 = max(e33, share * s[D_3 + f] + PIVOT_FLOOR)
+        s[H_ZZ + f] += d0 - a00
+        s[H_YY + f] += d1 - b11
+        s[H_22 + f] += d2 - c22
+        s[H_33 + f] += d3 - e33
+
+
+@inline
+def factor_faces(s):
+    """L D L^T of every finger's Hessian on its active face, and its rows through L^-1.
+
+    The saddle is turned to the boundary's normal and tangent; what is fixed drops out.
+    """
+    for f in range(LANES):
+        m0, m1, m2, m3 = s[FREE_N + f], s[FREE_T + f], s[FREE_2 + f], s[FREE_3 + f]
+        c, n = s[NORMAL_Z + f], s[NORMAL_Y + f]
+        zz, zy, yy = s[H_ZZ + f], s[H_ZY + f], s[H_YY + f]
+        z2, z3, y2, y3 = s[H_Z2 + f], s[H_Z3 + f], s[H_Y2 + f], s[H_Y3 + f]
+        a00 = (c * c * zz + 2.0 * c * n * zy + n * n * yy) * m0 + (1.0 - m0)
+        a01 = ((c * c - n * n) * zy + c * n * (yy - zz)) * m0 * m1
+        a11 = (n * n * zz - 2.0 * c * n * zy + c * c * yy + s[CURVE + f]) * m1 + (1.0 - m1)
+        a02, a03 = (c * z2 + n * y2) * m0 * m2, (c * z3 + n * y3) * m0 * m3
+        a12, a13 = (c * y2 - n * z2) * m1 * m2, (c * y3 - n * z3) * m1 * m3
+        a22, a33 = s[H_22 + f] * m2 + (1.0 - m2), s[H_33 + f] * m3 + (1.0 - m3)
+        a23 = s[H_23 + f] * m2 * m3
+        d0 = 1.0 / a00
+        l01, l02, l03 = a01 * d0, a02 * d0, a03 * d0
+        b11, b12, b13 = a11 - l01 * a01, a12 - l01 * a02, a13 - l01 * a03
+        d1 = 1.0 / b11
+        l12, l13 = b12 * d1, b13 * d1
+        b22, b23 = a22 - l02 * a02 - l12 * b12, a23 - l02 * a03 - l12 * b13
+        d2 = 1.0 / b22
+        l23 = b23 * d2
+        d3 = 1.0 / (a33 - l03 * a03 - l13 * b13 - l23 * b23)
+        s[P_0 + f], s[P_1 + f], s[P_2 + f], s[P_3 + f] = d0, d1, d2, d3
+        s[L_01 + f], s[L_02 + f], s[L_03 + f] = l01, l02, l03
+        s[L_12 + f], s[L_13 + f], s[L_23 + f] = l12, l13, l23
+    for f in range(5):
+        m0, m1, m2, m3 = s[FREE_N + f], s[FREE_T + f], s[FREE_2 + f], s[FREE_3 + f]
+        c, n = s[NORMAL_Z + f], s[NORMAL_Y + f]
+        l01, l02, l03 = s[L_01 + f], s[L_02 + f], s[L_03 + f]
+        l12, l13, l23 = s[L_12 + f], s[L_13 + f], s[L_23 + f]
+        r = ROWS + 4 * LANES * f
+        for i in range(7):
+            z, y = s[ROW_Z + i * LANES + f], s[ROW_Y + i * LANES + f]
+            v0, v1 = (c * z + n * y) * m0, (c * y - n * z) * m1
+            v2, v3 = s[ROW_2 + i * LANES + f] * m2, s[ROW_3 + i * LANES + f] * m3
+            v1 -= l01 * v0
+            v2 -= l02 * v0 + l12 * v1
+            v3 -= l03 * v0 + l13 * v1 + l23 * v2
+            s[r + i] = v0
+            s[r + LANES + i] = v1
+            s[r + 2 * LANES + i] = v2
+            s[r + 3 * LANES + i] = v3
+
+
+@inline
+def move_along_faces(s, from_gradient):
+    """Every finger's answer on its face to the root's change in CHANGE.
+
+    From the gradient: the step itself; else the answer is added to the step.
+    """
+    s[CHANGE + 6] = 1.0 if from_gradient else 0.0
+    s[CHANGE + 7] = 0.0
+    keep = 1.0 - s[CHANGE + 6]
+    for f in range(5):
+        r = ROWS + 4 * LANES * f
+        v0 = v1 = v2 = v3 = 0.0
+        for j in range(LANES):
+            v0 += s[r + j] * s[CHANGE + j]
+            v1 += s[r + LANES + j] * s[CHANGE + j]
+            v2 += s[r + 2 * LANES + j] * s[CHANGE + j]
+            v3 += s[r + 3 * LANES + j] * s[CHANGE + j]
+        # L^T x = - D^-1 v
+        x3 = -v3 * s[P_3 + f]
+        x2 = -v2 * s[P_2 + f] - s[L_23 + f] * x3
+        x1 = -v1 * s[P_1 + f] - s[L_12 + f] * x2 - s[L_13 + f] * x3
+        x0 = -v0 * s[P_0 + f] - s[L_01 + f] * x1 - s[L_02 + f] * x2 - s[L_03 + f] * x3
+        c, n = s[NORMAL_Z + f], s[NORMAL_Y + f]
+        s[STEP_Z + f] = keep * s[STEP_Z + f] + c * x0 - n * x1
+        s[STEP_Y + f] = keep * s[STEP_Y + f] + n * x0 + c * x1
+        s[STEP_2 + f] = keep * s[STEP_2 + f] + x2
+        s[STEP_3 + f] = keep * s[STEP_3 + f] + x3
+
+
+@inline
+def root_hessian(s):
+    """The root's own 6x6 Hessian and gradient, in SYSTEM; column 7: the least sound pivots."""
+    for i in range(6 * LANES):
+        s[SYSTEM + i] = 0.0
+    n = 0
+    for i in range(3):
+        for j in range(i, 3):
+            h = 0.0
+            for f in range(6):
+                h += s[ROOT_HESS + n * LANES + f]
+            n += 1
+            s[SYSTEM + i * LANES + j] = h
+            s[SYSTEM + j * LANES + i] = h
+    w = 0.0
+    for f in range(6):
+        w += s[ROOT_W + f]
+    for i in range(3):
+        # sum_i w_i [x_i]x couples turn and shift
+        x = 0.0
+        for f in range(6):
+            x += s[ROOT_WX + i * LANES + f]
+        j, k = (i + 1) % 3, (i + 2) % 3
+        s[SYSTEM + j * LANES + 3 + k] = s[SYSTEM + (3 + k) * LANES + j] = -x
+        s[SYSTEM + k * LANES + 3 + j] = s[SYSTEM + (3 + j) * LANES + k] = x
+        s[SYSTEM + (3 + i) * LANES + 3 + i] = w
+    for i in range(6):
+        g = 0.0
+        for f in range(6):
+            g += s[ROOT_GRAD + i * LANES + f]
+        s[SYSTEM + i * LANES + 6] = g
+        s[SYSTEM + i * LANES + 7] = 1e-3 * abs(s[SYSTEM + i * LANES + i]) + 1e-12
+
+
+@inline
+def add_model_gradient(s):
+    """Add to the root's gradient what the step so far, fingers and root, makes of it."""
+    for i in range(6):
+        g = 0.0
+        for j in range(6):
+            g += s[SYSTEM + i * LANES + j] * s[RHO + j]
+        for a in range(4):
+            for f in range(5):
+                g += s[ROW_Z + a * ROW + i * LANES + f] * s[STEP_Z + a * LANES + f]
+        s[SYSTEM + i * LANES + 6] += g
+    # the fingers' own gradients are answered already
+    for r in range(20):
+        s[ROWS + r * LANES + 6] = 0.0
+
+
+@inline
+def eliminate_fingers(s):
+    """The Schur complement: take B^T H^-1 (B, gradient) of every finger from SYSTEM."""
+    for f in range(5):
+        for a in range(4):
+            r = ROWS + (4 * f + a) * LANES
+            s[r + 7] = 0.0
+            d = s[P_0 + a * LANES + f]
+            for i in range(6):
+                v = d * s[r + i]
+                for j in range(LANES):
+                    s[SYSTEM + i * LANES + j] -= v * s[r + j]
+
+
+@inline
+def solve_root(s):
+    """The root's change in CHANGE, from SYSTEM in place; returns whether it has a minimum.
+
+    Elimination in order, with pivots lifted to a share of what they began with.
+    """
+    sound = True
+    for k in range(6):
+        row_k = SYSTEM + k * LANES
+        d = s[row_k + k]
+        if not d >= s[row_k + 7]:
+            sound = False
+            d = s[row_k + 7]
+        s[row_k + k] = d
+        for i in range(k + 1, 6):
+            row_i = SYSTEM + i * LANES
+            v = s[row_i + k] / d
+            for j in range(7):
+                s[row_i + j] -= v * s[row_k + j]
+    for i in range(5, -1, -1):
+        row_i = SYSTEM + i * LANES
+        v = -s[row_i + 6]
+        for j in range(i + 1, 6):
+            v -= s[row_i + j] * s[CHANGE + j]
+        s[CHANGE + i] = v / s[row_i + i]
+    return sound
+
+
+@inline
+def clear_step(s):
+    for i in range(4 * LANES):
+        s[STEP_Z + i] = 0.0
+    for i in range(6):
+        s[RHO + i] = 0.0
+
+
+@inline
+def find_step(s):
+    """The step that minimises the quadratic model inside the limits, in STEP and RHO.
+
+    Returns False where the model has no minimum; the step is then of little use.
+    """
+    guess_faces(s)
+    clear_step(s)
+    sound = True
+    for inner in range(5):
+        # first all faces as guessed; then the root answers the fingers' bounded steps
+        factor_faces(s)
+        root_hessian(s)
+        if inner > 0:
+            add_model_gradient(s)
+        eliminate_fingers(s)
+        sound = solve_root(s)
+        size = 0.0
+        for i in range(6):
+            s[RHO + i] += s[CHANGE + i]
+            size += s[CHANGE + i] ** 2
+        move_along_faces(s, inner == 0)
+        solved = False
+        for f in range(5):
+            if not keeps_limits(s, f):
+                solve_finger(s, f)
+                solved = True
+        if not solved or size < 1e-20:
+            break
+    return sound
+
+
+@inline
+def slope_of_step(s):
+    """Directional derivative of half the objective along the step."""
+    v = 0.0
+    for a in range(4):
+        for f in range(5):
+            v += s[ROW_Z + a * ROW + G + f] * s[STEP_Z + a * LANES + f]
+    for i in range(6):
+        for f in range(6):
+            v += s[ROOT_GRAD + i * LANES + f] * s[RHO + i]
+    return v
+
+
+@inline
+def keep_pose(s):
+    for i in range(4 * LANES):
+        s[BEFORE + i] = s[ANGLE_Z + i]
+    for i in range(12):
+        s[ROOT_BEFORE + i] = s[ROOT + i]
+
+
+@inline
+def take_step(s, share):
+    """The pose before, moved by a share of the step; limits hold to the last digit."""
+    for i in range(4 * LANES):
+        s[ANGLE_Z + i] = s[BEFORE + i] + share * s[STEP_Z + i]
+    for i in range(2 * LANES):
+        s[ANGLE_2 + i] = min(max(s[ANGLE_2 + i], s[LOW_2 + i]), s[UP_2 + i])
+    for f in range(5):
+        z, y = s[ANGLE_Z + f], s[ANGLE_Y + f]
+        pz, py = inverse_squares(s, f, z, y)
+        n = math.sqrt(z * z * pz + y * y * py)
+        if n > 1.0:
+            s[ANGLE_Z + f], s[ANGLE_Y + f] = z / n, y / n
+    # R exp(omega) and t + R v
+    w = (share * s[RHO], share * s[RHO + 1], share * s[RHO + 2])
+    v = (share * s[RHO + 3], share * s[RHO + 4], share * s[RHO + 5])
+    angle = math.sqrt(dot(w, w))
+    k = math.sin(angle) / angle if angle > 1e-9 else 1.0
+    h = math.sin(0.5 * angle) / angle if angle > 1e-9 else 0.5
+    h = 2.0 * h * h
+    for i in range(3):
+        b = ROOT_BEFORE + 3 * i
+        r = (s[b], s[b + 1], s[b + 2])
+        # a row times exp(omega) is the row turned backwards
+        x = cross(r, w)
+        xx = cross(x, w)
+        for j in range(3):
+            s[ROOT + 3 * i + j] = r[j] + k * x[j] + h * xx[j]
+        s[ROOT + 9 + i] = s[ROOT_BEFORE + 9 + i] + dot(r, v)
+
+
+@kernel
+def newton(s, max_steps, tolerance, loss, spread2):
+    """Newton steps from the pose in the buffer until the model promises no more.
+
+    Args:
+        s: the buffer with model, frame and pose.
+        max_steps: steps at most.
+        tolerance: stop after a step that promised less than this share of the objective.
+        loss, spread2: as in `place`.
+
+    Returns:
+        The objective, the steps taken, and CONVERGED, LIMIT or STALLED (no share of the step
+        lowers the objective). The pose is never worse than before.
+    """
+    cost = math.inf
+    promise = math.inf
+    share = 0.0
+    steps = 0
+    state = LIMIT
+    second = 0.0  # the exact Hessian pays once the pose is near
+    keep_pose(s)
+    clear_step(s)
+    while True:
+        take_step(s, share)
+        new = place(s, loss, spread2)
+        if share > 0.0 and not new <= cost - 2e-4 * share * promise:
+            # Armijo's test failed: a shorter step, or back to where it began
+            share *= 0.5 if share > 0.2 else 0.2
+            if share < 1e-9:
+                share = 0.0
+                state = CONVERGED if promise <= 1e-9 * new + _NOTHING else STALLED
+                steps -= 1
+                max_steps = steps
+            continue
+        cost = new
+        if share == 1.0 and promise <= tolerance * cost + _NOTHING:
+            state = CONVERGED
+        if state != LIMIT or steps == max_steps:
+            return cost, steps, state
+        differentiate(s, second)
+        lift_pivots(s, SOUND_PIVOT)
+        if not find_step(s) and second > 0.0:
+            # far from the solution; Gauss-Newton's model always has a minimum
+            differentiate(s, 0.0)
+            lift_pivots(s, SOUND_PIVOT)
+            find_step(s)
+        promise = -slope_of_step(s)
+        if not promise > 0.0 or cost < _NOTHING:
+            return cost, steps, CONVERGED if promise <= tolerance * cost + _NOTHING else STALLED
+        keep_pose(s)
+        share = 1.0
+        second = 1.0
+        steps += 1

@@ -1,0 +1,209 @@
+"""An MCAP file written as messages come, chunk by chunk.
+
+The same files as `mcap.writer.Writer` makes, at a third of its cost a message: here a message
+is one `struct.pack`, there some twenty calls. Every record but messages, chunks and their
+indexes is written by mcap's own classes.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from typing import IO, TYPE_CHECKING
+
+import numpy as np
+
+from handtrack.recording.mcap_walk import MAGIC
+
+if TYPE_CHECKING:
+    from mcap.records import ChunkIndex, McapRecord, MetadataIndex, SummaryOffset
+
+_MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log and publish time
+_CHUNK = struct.Struct("<BQQQQI")  # opcode, length, first and last time, size, checksum
+_INDEX = struct.Struct("<BQHI")  # opcode, length, channel, bytes of entries
+
+
+class McapStream:
+    """Writes to a stream from its start; `finish` completes the file.
+
+    A chunk is compressed and written once it holds `chunk_bytes`; all that came before it can
+    then be read, whatever happens to the writer. Chunks, the data as a whole and the index at
+    the end have checksums.
+
+    Args:
+        stream: where to write; not closed.
+        compression: "lz4", "zstd" or "none".
+        chunk_bytes: size of a chunk before compression.
+    """
+
+    def __init__(self, stream: IO[bytes], compression: str, chunk_bytes: int) -> None:
+        from mcap.records import Header
+
+        self._stream, self._compression, self._chunk_bytes = stream, compression, chunk_bytes
+        self._position = self._crc = 0
+        self._definitions: list[McapRecord] = []
+        self._schemas = self._channels = 0
+        self._chunks: list[ChunkIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._counts: dict[int, int] = {}
+        self._parts: list[bytes] = []
+        self._size = 0
+        self._entries: dict[int, list[tuple[int, int]]] = {}
+        self._put(MAGIC)
+        self._put(_record(Header("", "handtrack")))
+
+    def schema(self, name: str, encoding: str, data: bytes) -> int:
+        """Define a schema; returns its id."""
+        from mcap.records import Schema
+
+        self._schemas += 1
+        self._define(Schema(id=self._schemas, data=data, encoding=encoding, name=name))
+        return self._schemas
+
+    def channel(self, topic: str, message_encoding: str, schema_id: int) -> int:
+        """Define a channel; returns its id."""
+        from mcap.records import Channel
+
+        self._channels += 1
+        self._define(
+            Channel(
+                id=self._channels,
+                topic=topic,
+                message_encoding=message_encoding,
+                metadata={},
+                schema_id=schema_id,
+            )
+        )
+        self._counts[self._channels] = 0
+        return self._channels
+
+    def _define(self, record: McapRecord) -> None:
+        self._definitions.append(record)
+        self._add(_record(record))
+
+    def metadata(self, name: str, values: dict[str, str]) -> None:
+        from mcap.records import Metadata, MetadataIndex
+
+        self.flush()
+        data = _record(Metadata(name=name, metadata=values))
+        self._metadata.append(MetadataIndex(offset=self._position, length=len(data), name=name))
+        self._put(data)
+
+    def message(self, channel: int, time: int, sequence: int, data: bytes) -> None:
+        """Add a message with its log time [ns]."""
+        entry = (time, self._size)
+        if channel in self._entries:
+            self._entries[channel].append(entry)
+        else:
+            self._entries[channel] = [entry]
+        self._parts.append(_MESSAGE.pack(5, 22 + len(data), channel, sequence, time, time))
+        self._add(data)
+        self._size += _MESSAGE.size
+        if self._size >= self._chunk_bytes:
+            self.flush()
+
+    def _add(self, data: bytes) -> None:
+        self._parts.append(data)
+        self._size += len(data)
+
+    def flush(self) -> None:
+        """Write the chunk that was begun, if it holds a message."""
+        from mcap.records import ChunkIndex
+
+        if not self._entries:
+            return
+        body = b"".join(self._parts)
+        packed = _compress(body, self._compression)
+        times = [time for entries in self._entries.values() for time, _ in entries]
+        start, end = min(times), max(times)
+        name = "" if self._compression == "none" else self._compression
+        tail = struct.pack("<I", len(name)) + name.encode() + struct.pack("<Q", len(packed))
+        length = _CHUNK.size - 9 + len(tail) + len(packed)
+        head = _CHUNK.pack(6, length, start, end, len(body), zlib.crc32(body)) + tail
+        chunk_at = self._position
+        self._put(head)
+        self._put(packed)
+        index_at, offsets = self._position, {}
+        for channel, entries in self._entries.items():
+            offsets[channel] = self._position
+            data = np.array(entries, "<u8").tobytes()
+            self._put(_INDEX.pack(7, 6 + len(data), channel, len(data)) + data)
+            self._counts[channel] += len(entries)
+        self._chunks.append(
+            ChunkIndex(
+                message_start_time=start,
+                message_end_time=end,
+                chunk_start_offset=chunk_at,
+                chunk_length=index_at - chunk_at,
+                message_index_offsets=offsets,
+                message_index_length=self._position - index_at,
+                compression=name,
+                compressed_size=len(packed),
+                uncompressed_size=len(body),
+            )
+        )
+        self._parts, self._size, self._entries = [], 0, {}
+
+    def finish(self) -> None:
+        """Write what is left, and the index that lets readers find everything."""
+        from mcap.opcode import Opcode
+        from mcap.records import Channel, DataEnd, Schema, Statistics, SummaryOffset
+
+        self.flush()
+        self._put(_record(DataEnd(self._crc)))
+        start = self._position
+        statistics = Statistics(
+            attachment_count=0,
+            channel_count=self._channels,
+            channel_message_counts=self._counts,
+            chunk_count=len(self._chunks),
+            message_count=sum(self._counts.values()),
+            message_start_time=min((c.message_start_time for c in self._chunks), default=0),
+            message_end_time=max((c.message_end_time for c in self._chunks), default=0),
+            metadata_count=len(self._metadata),
+            schema_count=self._schemas,
+        )
+        groups = (
+            (Opcode.SCHEMA, [r for r in self._definitions if isinstance(r, Schema)]),
+            (Opcode.CHANNEL, [r for r in self._definitions if isinstance(r, Channel)]),
+            (Opcode.STATISTICS, [statistics]),
+            (Opcode.CHUNK_INDEX, self._chunks),
+            (Opcode.METADATA_INDEX, self._metadata),
+        )
+        summary = bytearray()
+        offsets: list[SummaryOffset] = []
+        for opcode, records in groups:
+            data = b"".join(_record(record) for record in records)
+            offsets.append(SummaryOffset(opcode, start + len(summary), len(data)))
+            summary += data
+        offsets_at = start + len(summary)
+        summary += b"".join(_record(offset) for offset in offsets)
+        self._put(bytes(summary))
+        footer = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offsets_at)
+        checksum = zlib.crc32(footer, zlib.crc32(summary))
+        self._put(footer + struct.pack("<I", checksum) + MAGIC)
+
+    def _put(self, data: bytes) -> None:
+        self._stream.write(data)
+        self._crc = zlib.crc32(data, self._crc)
+        self._position += len(data)
+
+
+def _record(record: McapRecord) -> bytes:
+    from mcap.data_stream import RecordBuilder
+
+    builder = RecordBuilder()
+    record.write(builder)
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
+
+
+def _compress(data: bytes, compression: str) -> bytes:
+    if compression == "lz4":
+        import lz4.frame  # type: ignore[import-untyped]
+
+        return bytes(lz4.frame.compress(data))
+    if compression == "zstd":
+        import zstandard
+
+        return zstandard.compress(data)
+    return data

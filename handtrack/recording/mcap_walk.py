@@ -1,0 +1,164 @@
+"""The records of an MCAP file from its beginning, as far as they are whole.
+
+mcap's own readers need the index at the end of a file and so read nothing of one whose
+writer was killed. This one takes every whole record up to the break, says where it broke, and
+trusts nothing whose checksum differs. Parsing of single records is mcap's.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+from handtrack.errors import InputError
+
+if TYPE_CHECKING:
+    from mcap.records import Channel
+
+MAGIC = b"\x89MCAP0\r\n"
+_RECORD = struct.Struct("<BQ")
+_MESSAGE = struct.Struct("<HIQQ")
+
+
+@dataclass
+class Walk:
+    """What was met so far in one file.
+
+    Attributes:
+        path: the file.
+        metadata: metadata records by name.
+        channels: channels by id.
+        schemas: names of schemas by id.
+        cut: where and how the file ends too early; empty for a complete file.
+    """
+
+    path: Path
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    schemas: dict[int, str] = field(default_factory=dict)
+    cut: str = ""
+    _position: int = 0
+
+    def messages(self, wanted: Callable[[str], bool]) -> Iterator[tuple[int, int, bytes]]:
+        """Messages of the channels whose schema's name is wanted, in the file's order.
+
+        Yields:
+            (channel id, sequence number, data); with `metadata`, `channels` and `schemas`
+            filled as far as the file was read.
+
+        Raises:
+            InputError: it can't be read, is no MCAP file, or is damaged.
+        """
+        import zstandard
+        from mcap.exceptions import McapError
+
+        expected = (
+            McapError,
+            zstandard.ZstdError,
+            struct.error,
+            ValueError,  # checksums, and text that is not UTF-8
+            RuntimeError,  # lz4
+            OverflowError,
+            MemoryError,
+        )
+        try:
+            with open(self.path, "rb") as stream:
+                for opcode, content in self._records(stream):
+                    yield from self._record(opcode, content, wanted)
+        except FileNotFoundError as error:
+            raise InputError("there is no such file", self.path) from error
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise InputError(f"cannot be read: {reason}", self.path) from error
+        except expected as error:
+            raise InputError(f"damaged at byte {self._position}: {error}", self.path) from error
+
+    def _records(self, stream: IO[bytes]) -> Iterator[tuple[int, bytes]]:
+        """(opcode, content) of every whole record up to the end of the data."""
+        from mcap.opcode import Opcode
+
+        size = stream.seek(0, 2)
+        stream.seek(0)
+        start = stream.read(len(MAGIC))
+        if start != MAGIC:
+            raise InputError("not an MCAP file" if size else "the file is empty", self.path)
+        crc, self._position = zlib.crc32(start), len(MAGIC)
+        while self._position < size:
+            head = stream.read(_RECORD.size)
+            if len(head) < _RECORD.size:
+                break
+            opcode, length = _RECORD.unpack(head)
+            if length > size - self._position - _RECORD.size:
+                break
+            content = stream.read(length)
+            if opcode == Opcode.DATA_END:
+                (expected,) = struct.unpack("<I", content)
+                if expected not in (0, crc):
+                    raise ValueError("the checksum of the data differs")
+                return
+            yield opcode, content
+            crc = zlib.crc32(content, zlib.crc32(head, crc))
+            self._position += _RECORD.size + length
+        self.cut = f"it ends in the middle of its data, after byte {self._position}"
+
+    def _record(
+        self, opcode: int, content: bytes, wanted: Callable[[str], bool]
+    ) -> Iterator[tuple[int, int, bytes]]:
+        from mcap.data_stream import ReadDataStream
+        from mcap.opcode import Opcode
+        from mcap.records import Channel, Chunk, Metadata, Schema
+        from mcap.stream_reader import get_chunk_data_stream
+
+        if opcode == Opcode.CHUNK:
+            chunk = Chunk.read(ReadDataStream(BytesIO(content)))
+            stream, length = get_chunk_data_stream(chunk, validate_crc=True)
+            yield from self._inside(stream.read(length), wanted)
+        elif opcode == Opcode.MESSAGE:
+            channel, sequence, _, _ = _MESSAGE.unpack_from(content)
+            if wanted(self._schema_of(channel)):
+                yield channel, sequence, content[_MESSAGE.size :]
+        elif opcode == Opcode.SCHEMA:
+            schema = Schema.read(ReadDataStream(BytesIO(content)))
+            self.schemas[schema.id] = schema.name
+        elif opcode == Opcode.CHANNEL:
+            record = Channel.read(ReadDataStream(BytesIO(content)))
+            self.channels[record.id] = record
+        elif opcode == Opcode.METADATA:
+            found = Metadata.read(ReadDataStream(BytesIO(content)))
+            self.metadata[found.name] = found.metadata
+
+    def _inside(
+        self, data: bytes, wanted: Callable[[str], bool]
+    ) -> Iterator[tuple[int, int, bytes]]:
+        """Messages in the records of a chunk."""
+        from mcap.opcode import Opcode
+
+        message, position = int(Opcode.MESSAGE), 0
+        skipped: set[int] = set()
+        while position < len(data):
+            opcode, length = _RECORD.unpack_from(data, position)
+            position += _RECORD.size
+            end = position + length
+            if end > len(data):
+                raise ValueError("a record is longer than its chunk")
+            # most are messages that nobody wants
+            if opcode != message:
+                yield from self._record(opcode, data[position:end], wanted)
+            else:
+                (channel,) = struct.unpack_from("<H", data, position)
+                if channel not in skipped:
+                    if wanted(self._schema_of(channel)):
+                        yield from self._record(opcode, data[position:end], wanted)
+                    else:
+                        skipped.add(channel)
+            position = end
+
+    def _schema_of(self, channel: int) -> str:
+        if channel not in self.channels:
+            raise ValueError(f"a message of channel {channel}, which is not defined")
+        return self.schemas.get(self.channels[channel].schema_id, "")

@@ -1,0 +1,170 @@
+"""load: joint sequences from a file or a folder, whatever format they are in."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from os import PathLike, sep
+from pathlib import Path
+
+from handtrack.errors import InputError, SettingsError
+from handtrack.sequences.assemble import Given, anything_seen, assemble, check_settings, unit_of
+from handtrack.sequences.hands import CHOICES, HandChoice, label_hands
+from handtrack.sequences.readers.folder import sources
+from handtrack.sequences.readers.raw import NoFramesError, NotJointsError, Raw
+from handtrack.sequences.readers.recognise import read_file
+from handtrack.sequences.sequence import Sequence
+from handtrack.sequences.size import check_sizes
+
+
+def load(
+    path: str | PathLike[str],
+    hand: str | None = None,
+    unit: str | None = None,
+    order: str | None = None,
+    fps: float | None = None,
+    frames: tuple[int, int] | None = None,
+) -> list[Sequence]:
+    """Joint sequences from a file or a folder; the format is recognised by content.
+
+    Understood are CMU Panoptic hands (`hdHand3d/handRecon3D_hd*.json`: a file, a folder, a
+    .tar or .tar.gz), .npz, .npy, .csv, .json and .jsonl with joints, FPHA `skeleton.txt`, Leap
+    Motion recordings, MCAP files with JSON joints, and handtrack's own MCAP recordings. Each
+    hand of each person is a sequence of its own. What the user should know (a doubtful hand, an
+    assumed frame rate) stands in `Sequence.notes`.
+
+    Args:
+        path: a file, or a folder whose files (and folders) are all read; README, LICENSE,
+            hidden files and files of other kinds are passed over.
+        hand: None or "auto": as the source says, else from the way the fingers flex. "left" or
+            "right": where a file labels both hands, only that one; where it labels one or none,
+            that is what it is. "swap": the file's labels exchanged, for files that have them
+            the wrong way round.
+        unit: "m", "cm" or "mm", instead of what the source says (where it is silent: m).
+        order: joint order, a name of `handtrack.hand.skeleton.ORDERS`, instead of the source's.
+        fps: frames per second; replaces the source's times: frame i is at i / fps seconds.
+        frames: first and last source frame number to keep, both included.
+
+    Returns:
+        At least one sequence, in order of path, person and hand, with different names.
+
+    Raises:
+        InputError: nothing there, nothing readable, or a file that is damaged, cut short or not
+            as its format says; the message starts with the file and is one line.
+        SettingsError: unknown unit, order or hand (with those that are known), fps not above
+            zero, frames the wrong way round.
+    """
+    where = Path(path)
+    given = check_settings(unit, order, fps)
+    choice = _hand_choice(hand)
+    _check_frames(frames)
+    if not where.exists():
+        raise InputError("no such file or folder", where)
+    if where.is_dir():
+        return _from_folder(where, given, choice, frames)
+    return _unique_names(_finish(read_file(where, frames), given, choice, frames))
+
+
+def _hand_choice(hand: str | None) -> HandChoice:
+    for choice in CHOICES:
+        if (hand or "auto") == choice:
+            return choice
+    raise SettingsError(f"unknown hand {hand!r}, expected one of {', '.join(CHOICES)}")
+
+
+def _check_frames(frames: tuple[int, int] | None) -> None:
+    if frames is not None and (len(frames) != 2 or frames[0] > frames[1]):
+        raise SettingsError(f"frames are {frames}, expected (first, last)")
+
+
+def _finish(
+    raws: list[Raw], given: Given, choice: HandChoice, frames: tuple[int, int] | None
+) -> list[Sequence]:
+    """The sequences of one source, checked, labelled and cut to the frames asked for."""
+    seen = [raw for raw in raws if anything_seen(raw)] or raws[:1]
+    sequences = [assemble(raw, given) for raw in seen]
+    units = [unit_of(raw, given) for raw in seen]
+    doubts = check_sizes([s.joints for s in sequences], units, raws[0].path)
+    sequences = [_noted(s, doubt) for s, doubt in zip(sequences, doubts, strict=True)]
+    labels = [raw.hand for raw in seen]
+    both = {"left", "right"} <= {raw.hand for raw in raws}
+    sequences = label_hands(sequences, labels, [raw.tagged for raw in seen], choice, both)
+    if not sequences:
+        raise InputError(f"every joint of the {choice} hand is missing", raws[0].path)
+    if len(seen) < len(raws):
+        gone = ", ".join(
+            f"{r.name} {r.hand or ''}".strip() for r in raws if not any(r is s for s in seen)
+        )
+        note = f"left out, as every joint is missing: {gone}"
+        sequences[0] = _noted(sequences[0], note)
+    return sequences if frames is None else _cut(sequences, frames)
+
+
+def _noted(sequence: Sequence, note: str | None) -> Sequence:
+    return sequence if note is None else replace(sequence, notes=(*sequence.notes, note))
+
+
+def _cut(sequences: list[Sequence], frames: tuple[int, int]) -> list[Sequence]:
+    """The part of each sequence inside the frames; those that are not seen there are left out."""
+    parts = []
+    for sequence in sequences:
+        index = sequence.frame_index
+        inside = (index >= frames[0]) & (index <= frames[1])
+        if sequence.present[inside].any():
+            parts.append(sequence.frames(*frames))
+    if not parts:
+        first = min(int(s.frame_index.min()) for s in sequences)
+        last = max(int(s.frame_index.max()) for s in sequences)
+        raise NoFramesError(
+            f"no joint in frames {frames[0]}:{frames[1]}, there are {first}:{last}",
+            sequences[0].source,
+        )
+    return parts
+
+
+def _from_folder(
+    folder: Path, given: Given, choice: HandChoice, frames: tuple[int, int] | None
+) -> list[Sequence]:
+    sequences: list[Sequence] = []
+    passed_over: list[str] = []
+    empty: NoFramesError | None = None
+    for source in sources(folder):
+        try:
+            sequences += _finish(source.read(frames), given, choice, frames)
+        except NoFramesError as error:
+            empty = error
+        except NotJointsError as error:
+            passed_over.append(str(error))
+    if not sequences:
+        if empty is not None:
+            raise empty
+        reason = f" ({_listed(passed_over, folder)})" if passed_over else ""
+        raise InputError(f"no joint sequence found{reason}", folder)
+    if passed_over:
+        note = f"passed over: {_listed(passed_over, folder)}"
+        sequences[0] = _noted(sequences[0], note)
+    return _unique_names(sequences)
+
+
+def _listed(passed_over: list[str], folder: Path) -> str:
+    first = passed_over[0].removeprefix(f"{folder}{sep}")
+    more = len(passed_over) - 1
+    return f"{first}; and {more} more" if more else first
+
+
+def _unique_names(sequences: list[Sequence]) -> list[Sequence]:
+    """The same, with the folder's name in front of names that several have, or else a number."""
+    count = Counter(s.name for s in sequences)
+    named = [
+        replace(s, name=f"{Path(s.source).resolve().parent.name} {s.name}")
+        if count[s.name] > 1
+        else s
+        for s in sequences
+    ]
+    count = Counter(s.name for s in named)
+    number: Counter[str] = Counter()
+    for i, sequence in enumerate(named):
+        if count[sequence.name] > 1:
+            number[sequence.name] += 1
+            named[i] = replace(sequence, name=f"{sequence.name} {number[sequence.name]}")
+    return named

@@ -1,0 +1,85 @@
+"""The sequences in a folder: what is read, what belongs together, what is passed over."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from handtrack.errors import InputError
+from handtrack.sequences.readers import panoptic
+from handtrack.sequences.readers.jsontext import decode
+from handtrack.sequences.readers.raw import Raw
+from handtrack.sequences.readers.recognise import read_file
+
+SUFFIXES = {
+    *(".npz", ".npy", ".csv", ".json", ".jsonl", ".ndjson", ".txt", ".mcap"),
+    *(".tar", ".gz", ".tgz", ".bz2", ".xz"),
+}
+"""Files with other endings (videos, pictures, notes) are not looked into in a folder."""
+_NOT_DATA = ("readme", "license", "licence", "copying", "changelog", "notice")
+# Panoptic's bodies and faces, thousands of files beside the hands
+_OTHER_PANOPTIC = ("body3DScene_", "faceRecon3D_")
+
+
+@dataclass(frozen=True)
+class Source:
+    """What makes one recording: a file, or the numbered files of a folder.
+
+    Attributes:
+        folder: where the files are.
+        names: the files.
+    """
+
+    folder: Path
+    names: tuple[str, ...]
+
+    def read(self, frames: tuple[int, int] | None = None) -> list[Raw]:
+        """Its sequences; arguments and errors as `recognise.read_file`."""
+        paths = [self.folder / name for name in self.names]
+        if len(paths) > 1 or panoptic.FILE_NAME.fullmatch(self.names[0]):
+            return panoptic.read_files(paths, self.folder, frames)
+        return read_file(paths[0], frames)
+
+
+def sources(folder: Path) -> Iterator[Source]:
+    """Every source in a folder and the folders in it, sorted by path; hidden ones are skipped."""
+    for directory, below, names in os.walk(folder):
+        below[:] = sorted(d for d in below if not d.startswith("."))
+        here = Path(directory)
+        for group in _groups(sorted(n for n in names if _may_be_data(n)), here):
+            yield Source(here, tuple(group))
+
+
+def _may_be_data(name: str) -> bool:
+    lower = name.lower()
+    if name.startswith((".", *_OTHER_PANOPTIC)) or lower.startswith(_NOT_DATA):
+        return False
+    return Path(lower).suffix in SUFFIXES
+
+
+def _groups(names: list[str], here: Path) -> Iterator[list[str]]:
+    """Single files, and numbered Panoptic files together."""
+    numbered: dict[str, list[str]] = {}
+    for name in names:
+        prefix = panoptic.prefix(name)
+        if prefix is None:
+            yield [name]
+        else:
+            numbered.setdefault(prefix, []).append(name)
+    for members in numbered.values():
+        if panoptic.FILE_NAME.fullmatch(members[0]) or _holds_people(here / members[0]):
+            yield members
+        else:
+            yield from ([name] for name in members)
+
+
+def _holds_people(path: Path) -> bool:
+    """Whether it is a Panoptic frame under another name."""
+    try:
+        return "people" in decode(path.read_bytes(), dict[str, msgspec.Raw], path)
+    except (InputError, OSError):
+        return False  # read by itself it will say what is wrong

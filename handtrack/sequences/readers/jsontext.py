@@ -1,0 +1,66 @@
+"""Decoding JSON so that an error names the file and the place in it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from handtrack.errors import InputError
+
+_BYTE = re.compile(r" \(byte (\d+)\)$")
+# Python's json module writes NaN, which JSON does not have
+_NAN = re.compile(rb"(?<=[\[:,\s])NaN(?=[\],}\s])")
+
+
+def decode(data: bytes, kind: Any, path: str | Path, first_line: int = 1) -> Any:
+    """Decode JSON text as `kind`; NaN reads as null.
+
+    Args:
+        data: UTF-8 text, with or without a byte order mark.
+        kind: a type for msgspec; unknown fields are skipped unparsed.
+        path: named in errors.
+        first_line: the number of the text's first line, for lines of a longer file.
+
+    Raises:
+        InputError: malformed (with line and byte), cut short, or not of that type (with the
+            field's name).
+    """
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    if b"NaN" in data:
+        data = _NAN.sub(b"null", data)
+    try:
+        return msgspec.json.decode(data, type=kind)
+    except msgspec.ValidationError as error:
+        raise InputError(misfit(error) + _line(first_line), path) from None
+    except msgspec.DecodeError as error:
+        raise InputError(_place(str(error), data, first_line), path) from None
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"the text is not UTF-8 (byte {error.start} of a string){_line(first_line)}", path
+        ) from None
+    except RecursionError:
+        raise InputError(f"the JSON is nested too deeply{_line(first_line)}", path) from None
+
+
+def _line(first_line: int) -> str:
+    return f" (line {first_line})" if first_line > 1 else ""
+
+
+def misfit(error: msgspec.ValidationError) -> str:
+    """What does not fit, and in which field."""
+    text = str(error).replace(" - at `$.", " at `").replace(" - at `$", " at `")
+    return text[:1].lower() + text[1:]
+
+
+def _place(message: str, data: bytes, first_line: int) -> str:
+    found = _BYTE.search(message)
+    if found is None:  # "Input data was truncated"
+        line = data.count(b"\n") + first_line
+        return f"the JSON is cut short: it ends after {len(data)} bytes (line {line})"
+    byte = int(found[1])
+    line = data[:byte].count(b"\n") + first_line
+    reason = message[: found.start()].removeprefix("JSON is malformed: ")
+    return f"wrong JSON: {reason} at byte {byte} (line {line})"

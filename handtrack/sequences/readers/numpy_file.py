@@ -1,0 +1,80 @@
+"""Reader of NumPy files: .npy with the joints, .npz with named arrays (see `fields`)."""
+
+from __future__ import annotations
+
+import io
+import struct
+import tokenize
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from handtrack.errors import InputError
+from handtrack.sequences.readers.fields import as_frames, from_fields
+from handtrack.sequences.readers.raw import Raw, stem
+
+# all that NumPy and zipfile raise for damaged files; MemoryError from a damaged shape
+_DAMAGED = (
+    ValueError,
+    EOFError,
+    OSError,
+    KeyError,
+    IndexError,
+    TypeError,
+    OverflowError,
+    MemoryError,
+    NotImplementedError,
+    RuntimeError,
+    SyntaxError,
+    UnicodeError,
+    struct.error,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zipfile.LargeZipFile,
+    zlib.error,
+)
+
+
+def read_npy(data: bytes, path: Path) -> list[Raw]:
+    """The one sequence of a .npy file: (T, 21, 3), (T, 63) or (21, 3).
+
+    Raises:
+        InputError: damaged, not numbers, or another shape.
+    """
+    try:
+        array = np.load(io.BytesIO(data), allow_pickle=False)
+    except _DAMAGED as error:
+        raise InputError(_reason("the .npy file", error), path) from None
+    return [Raw(as_frames(array, path, "the array"), path, stem(path))]
+
+
+def read_npz(data: bytes, path: Path) -> list[Raw]:
+    """The one sequence of a .npz file.
+
+    Raises:
+        NotJointsError: a whole file without joints.
+        InputError: damaged, or a field that does not fit.
+    """
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+            fields = {str(name): _scalar(archive[name]) for name in archive.files}
+    except _DAMAGED as error:
+        raise InputError(_reason("the .npz file", error), path) from None
+    return [from_fields(fields, path)]
+
+
+def _scalar(value: Any) -> Any:
+    """0-d arrays as plain values, so that text looks the same in npz and JSON."""
+    plain = value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
+    return plain.decode("utf-8", "replace") if isinstance(plain, bytes) else plain
+
+
+def _reason(what: str, error: Exception) -> str:
+    text = str(error)
+    if "allow_pickle" in text or "Object arrays" in text:
+        return f"{what} holds pickled Python objects, which are not read; expected plain arrays"
+    detail = " ".join(text.split()) or type(error).__name__
+    return f"{what} is damaged or cut short ({detail[:120]})"

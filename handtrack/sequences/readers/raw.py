@@ -1,0 +1,146 @@
+"""What a reader hands over: joints as the file has them, and what the file says of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from collections.abc import Sequence as Items
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.errors import InputError
+from handtrack.hand.skeleton import Hand
+
+Array = NDArray[np.float64]
+Unit = Literal["m", "cm", "mm"]
+METRES: dict[Unit, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+"""One of each unit in metres."""
+
+MAX_SECONDS = 9e9
+"""Times beyond this do not fit in int64 nanoseconds."""
+
+
+class NotJointsError(InputError):
+    """The file is whole, but holds no hand joints: an error alone, skipped in a folder."""
+
+
+class NoFramesError(InputError):
+    """Nothing lies in the frames asked for: an error alone, skipped in a folder."""
+
+
+@contextmanager
+def within(where: str, path: Path) -> Iterator[None]:
+    """Put the place inside the file in front of what an InputError says."""
+    try:
+        yield
+    except InputError as error:
+        text = str(error).removeprefix(f"{path}: ")
+        raise InputError(f"{where}: {text}", path) from None
+
+
+@dataclass
+class Raw:
+    """One hand over time, in the source's unit and joint order, not yet checked.
+
+    Attributes:
+        joints: (T, N, 3) in `unit`; NaN = missing.
+        path: where it was read from, for messages.
+        name: short name, without the hand.
+        hand: the label in the source, or None.
+        unit: None where the source does not say.
+        order: a name of `skeleton.ORDERS`; None: by the number of joints.
+        time_ns: (T,) int64; None: from frame numbers and `fps`.
+        frame_index: (T,) int64; None: 0..T-1.
+        fps: frames per second; None where the source does not say.
+        confidence: (T, N) or (T,) in 0..1, or None.
+        truth: (T, N, 3) like the joints, or None.
+        subject: who.
+        tagged: the name gets the hand appended even where it is the only one.
+        notes: for the user, one line each.
+    """
+
+    joints: Array
+    path: Path
+    name: str
+    hand: Hand | None = None
+    unit: Unit | None = None
+    order: str | None = None
+    time_ns: NDArray[np.int64] | None = None
+    frame_index: NDArray[np.int64] | None = None
+    fps: float | None = None
+    confidence: Array | None = None
+    truth: Array | None = None
+    subject: str = ""
+    tagged: bool = False
+    notes: tuple[str, ...] = ()
+
+
+def as_hand(value: object, path: Path, where: str = "hand") -> Hand:
+    """A label such as "Left" as "left".
+
+    Raises:
+        InputError: it is neither left nor right.
+    """
+    text = str(value).strip().lower()
+    if text == "left":
+        return "left"
+    if text == "right":
+        return "right"
+    raise InputError(f"{where} is {str(value)[:40]!r}, expected left or right", path)
+
+
+def as_unit(value: object, path: Path) -> Unit:
+    """A unit's name as one of m, cm, mm.
+
+    Raises:
+        InputError: it is another one.
+    """
+    for unit in METRES:
+        if str(value).strip() == unit:
+            return unit
+    raise InputError(f"unit is {str(value)[:40]!r}, expected m, cm or mm", path)
+
+
+def as_fps(value: float, path: Path) -> float:
+    """A frame rate that can be used.
+
+    Raises:
+        InputError: it is not a number above zero.
+    """
+    if not (np.isfinite(value) and value > 0):
+        raise InputError(f"fps is {value}, expected a number above 0", path)
+    return float(value)
+
+
+def seconds_to_ns(seconds: Items[float] | Array, path: Path) -> NDArray[np.int64]:
+    """(T,) times [s] as int64 nanoseconds.
+
+    Raises:
+        InputError: a time is missing, not finite, or too large.
+    """
+    times = np.asarray(seconds, dtype=np.float64)
+    bad = np.flatnonzero(~(np.abs(times) < MAX_SECONDS))
+    if bad.size:
+        raise InputError(
+            f"frame {bad[0]}: time is {times[bad[0]]}, expected seconds below {MAX_SECONDS:.0e}",
+            path,
+        )
+    return np.round(times * 1e9).astype(np.int64)
+
+
+def stem(path: Path) -> str:
+    """File name without its suffixes (.tar.gz, .json, ...)."""
+    name = path.name
+    for suffix in _SUFFIXES:
+        name = name.removesuffix(suffix)
+    return name or path.name
+
+
+_SUFFIXES = (
+    *(".gz", ".bz2", ".xz", ".tgz", ".tar"),
+    *(".json", ".jsonl", ".ndjson", ".npz", ".npy", ".csv", ".txt", ".mcap"),
+)

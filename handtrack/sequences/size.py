@@ -1,0 +1,89 @@
+"""How large a hand is, and whether a unit makes sense of it."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from handtrack.errors import InputError
+from handtrack.hand.skeleton import BASES, PARENTS
+from handtrack.sequences.readers.raw import METRES, Array, Unit
+
+PLAUSIBLE_PALM = (0.03, 0.2)
+"""[m] Outside of it the unit is taken to be wrong; units are factors of ten apart, so that at
+most one of them fits. Real palms (wrist to knuckles) are 0.05 (a child's) to 0.11; wide enough
+for sources whose scale is only approximate."""
+USUAL_PALM = (0.05, 0.14)
+"""[m] Outside of it the user is told."""
+
+# [mm] bone to joints 1..20 of an adult (Buryanov and Kotiuk 2010, rounded): only a yardstick
+_ADULT = np.array(
+    [42, 40, 32, 24, 93, 40, 23, 19, 90, 45, 26, 21, 86, 41, 26, 21, 82, 33, 18, 19], float
+)
+_ADULT_PALM = 0.088
+
+
+def palm_length(joints: Array) -> float:
+    """Median over frames of the mean distance from the wrist to the four finger bases.
+
+    Where the wrist is never there, an adult's palm scaled by the bones that are.
+
+    Args:
+        joints: (T, 21, 3), NaN = missing.
+
+    Returns:
+        In the joints' unit; NaN if no bone is ever complete.
+    """
+    bones = np.linalg.norm(joints[:, 1:] - joints[:, PARENTS[1:]], axis=-1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing are NaN, as meant
+        palm = float(np.nanmedian(np.nanmean(bones[:, BASES[1:] - 1], axis=1)))
+        if np.isnan(palm):
+            palm = float(np.nanmedian(np.nanmedian(bones, axis=0) / _ADULT)) * 1e3 * _ADULT_PALM
+    return palm
+
+
+def check_sizes(hands: list[Array], units: list[Unit], path: Path) -> list[str | None]:
+    """Check that the hands of one source, in metres if its unit was right, have a hand's size.
+
+    Where one of them has, the unit is right, and another that has not was badly measured.
+
+    Args:
+        hands: (T, 21, 3) [m] each.
+        units: the unit that was taken for each, for messages.
+        path: named in errors.
+
+    Returns:
+        For each hand a note where it is unusually small or large, else None.
+
+    Raises:
+        InputError: all that can be measured are absurdly large or small, with the unit that
+            would fit.
+    """
+    low, high = PLAUSIBLE_PALM
+    palms = [palm_length(joints) for joints in hands]
+    absurd = [not (np.isnan(palm) or low <= palm <= high) for palm in palms]
+    if any(absurd) and not any(low <= palm <= high for palm in palms):
+        worst = absurd.index(True)
+        raise InputError(_advice(palms[worst], units[worst]), path)
+    notes: list[str | None] = []
+    for palm in palms:
+        usual = np.isnan(palm) or USUAL_PALM[0] <= palm <= USUAL_PALM[1]
+        doubt = (
+            f"the palm is {palm * 1e3:.0f} mm long, an adult's is 75 to 110: is the scale right?"
+        )
+        notes.append(None if usual else doubt)
+    return notes
+
+
+def _advice(palm: float, unit: Unit) -> str:
+    low, high = PLAUSIBLE_PALM
+    fits = [u for u in METRES if low <= palm / METRES[unit] * METRES[u] <= high]
+    advice = (
+        f"unit {fits[0]} would fit"
+        if fits
+        else "none of m, cm, mm would fit (are these 3D positions in one unit of length?)"
+    )
+    return f"the hand would be {palm:.3g} m from wrist to knuckles with unit {unit}; {advice}"

@@ -1,0 +1,319 @@
+"""MCAP: JSON joint messages, and handtrack's own recordings."""
+
+import json
+
+import numpy as np
+import pytest
+from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorSet
+from google.protobuf.descriptor_pool import DescriptorPool
+from google.protobuf.message_factory import GetMessageClass
+from mcap.writer import CompressionType, Writer
+
+import handtrack as ht
+
+START = 1_782_897_167_604_809_000
+STEP = 33_333_333
+
+
+def bones(joints, side):
+    out = {}
+    for i, joint in enumerate(joints):
+        place = (-1.0, -1.0, -1.0) if np.isnan(joint).any() else joint
+        position = dict(zip("xyz", map(float, place), strict=True))
+        out[str(i)] = {"bone_name": f"{side}_{i}", "to_global": {"position": position}}
+    return out
+
+
+def write_json(path, topics, stamp=lambda t: str(t), **options):
+    """topics: {topic: [bone_data or other fields per frame]}."""
+    with path.open("wb") as stream:
+        writer = Writer(stream, **options)
+        writer.start()
+        schema = writer.register_schema("hand", "jsonschema", b'{"type": "object"}')
+        for topic, frames in topics.items():
+            channel = writer.register_channel(topic, "json", schema)
+            for i, fields in enumerate(frames):
+                time = START + i * STEP
+                header = {"timestamp": stamp(time), "frame_index": i, "topic_name": topic}
+                data = json.dumps({"header": header, **fields}).encode()
+                writer.add_message(channel, time + 500, data, time + 500)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"compression": CompressionType.LZ4, "chunk_size": 4000},
+        {"compression": CompressionType.NONE},
+        {"use_chunking": False},
+    ],
+)
+def test_bones_of_both_hands(tmp_path, left, right, options):
+    left[4] = np.nan
+    left[5, 3] = np.nan
+    path = write_json(
+        tmp_path / "ego.mcap",
+        {
+            "/robot0/handtracking/left": [{"bone_data": bones(j, "Left")} for j in left],
+            "/robot0/handtracking/right": [{"bone_data": bones(j, "Right")} for j in right],
+            "/robot0/status": [{"battery": 0.5}] * 3,
+        },
+        **options,
+    )
+    a, b = ht.load(path)
+    assert [(s.name, s.hand) for s in (a, b)] == [("ego left", "left"), ("ego right", "right")]
+    np.testing.assert_array_equal(a.joints, left)
+    np.testing.assert_array_equal(b.joints, right)
+    assert a.notes == b.notes == ()
+    # the messages' own stamps: they are on the same clock, and nearer to the truth
+    np.testing.assert_array_equal(a.time_ns, START + STEP * np.arange(12))
+    assert a.frame_index.tolist() == list(range(12))
+
+
+@pytest.mark.parametrize("stamp", [lambda t: t / 1e9, lambda t: None, lambda t: t % 10**9])
+def test_stamps_of_another_clock_are_not_used(tmp_path, right, stamp):
+    frames = [{"bone_data": bones(j, "Hand")} for j in right]
+    (sequence,) = ht.load(write_json(tmp_path / "a.mcap", {"/hand": frames}, stamp))
+    np.testing.assert_array_equal(sequence.time_ns, START + 500 + STEP * np.arange(12))
+    assert "from the way the fingers flex" in sequence.notes[0]
+
+
+def test_bone_names_confidence_and_absent_bones(tmp_path, left):
+    frames = [{"bone_data": bones(j, "Left")} for j in left]
+    frames[2]["bone_data"]["4"]["confidence"] = 0.25
+    frames[3]["confidence"] = 0.5
+    del frames[4]["bone_data"]["8"]
+    (sequence,) = ht.load(write_json(tmp_path / "a.mcap", {"/hand": frames}))
+    assert sequence.hand == "left"
+    assert sequence.confidence[2, 4] == 0.25
+    assert (sequence.confidence[3] == 0.5).all()
+    assert not sequence.present[4, 8]
+
+
+def test_plain_joints(tmp_path, right):
+    frames = [{"joints_mm": (j * 1e3).tolist(), "hand": "right"} for j in right]
+    (sequence,) = ht.load(write_json(tmp_path / "a.mcap", {"/a": frames}))
+    np.testing.assert_allclose(sequence.joints, right)
+    assert (sequence.hand, sequence.name) == ("right", "a")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda f: f[3]["bone_data"].update({"25": {}}),
+            "/hand, message 3: bone_data has a bone '25'",
+        ),
+        (
+            lambda f: f[3]["bone_data"]["1"]["to_global"]["position"].pop("x"),
+            "/hand, message 3: object missing required field `x`",
+        ),
+        (lambda f: f[3].pop("bone_data"), "/hand, message 3: no joints in it"),
+        (lambda f: f[3].update(confidence=[1]), r"/hand, message 3: confidence has shape \(1,\)"),
+        (lambda f: [x.pop("bone_data") for x in f], "no joints in the JSON messages of /hand"),
+    ],
+)
+def test_bad_messages(tmp_path, right, change, message):
+    frames = [{"bone_data": bones(j, "Right")} for j in right]
+    change(frames)
+    path = write_json(tmp_path / "a.mcap", {"/hand": frames})
+    with pytest.raises(ht.InputError, match=message) as caught:
+        ht.load(path)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_log_time_out_of_range(tmp_path, right):
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("hand", "jsonschema", b"{}")
+        channel = writer.register_channel("/hand", "json", schema)
+        data = json.dumps({"joints": right[0].tolist()}).encode()
+        writer.add_message(channel, 2**64 - 1, data, 0)
+        writer.finish()
+    with pytest.raises(ht.InputError, match="/hand, message 0: log time 18446744073709551615"):
+        ht.load(tmp_path / "a.mcap")
+
+
+def test_no_joint_messages(tmp_path):
+    write_json(tmp_path / "a.mcap", {})
+    with pytest.raises(ht.InputError, match="no messages in it"):
+        ht.load(tmp_path / "a.mcap")
+    with (tmp_path / "b.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel(
+            "/image", "cdr", writer.register_schema("i", "ros2msg", b"")
+        )
+        writer.add_message(channel, 1, b"123", 1)
+        writer.finish()
+    with pytest.raises(ht.InputError, match=r"no joint messages in it, topics are /image \(cdr\)"):
+        ht.load(tmp_path / "b.mcap")
+
+
+def descriptors(arrays):
+    """handtrack.Hand and handtrack.State; arrays as bytes or as repeated doubles."""
+    kinds = FieldDescriptorProto
+    out = FileDescriptorSet()
+    file = out.file.add(name="handtrack.proto", package="handtrack", syntax="proto3")
+    hand = file.message_type.add(name="Hand")
+    for i, name in enumerate(["hand", "sequence_name", "subject", "source"], 1):
+        hand.field.add(name=name, number=i, type=kinds.TYPE_STRING, label=kinds.LABEL_OPTIONAL)
+    state = file.message_type.add(name="State")
+    state.field.add(name="frame_index", number=1, type=kinds.TYPE_INT64, label=kinds.LABEL_OPTIONAL)
+    for i, name in enumerate(["observed", "confidence", "truth"], 2):
+        if arrays == "bytes":
+            kind, label = kinds.TYPE_BYTES, kinds.LABEL_OPTIONAL
+        else:
+            kind, label = kinds.TYPE_DOUBLE, kinds.LABEL_REPEATED
+        state.field.add(name=name, number=i, type=kind, label=label)
+    return out
+
+
+def write_own(path, hands, arrays="bytes", offset=0, change=None):
+    """hands: {topic: (hand, name, time_ns, joints, confidence, truth)}."""
+    described = descriptors(arrays)
+    pool = DescriptorPool()
+    for file in described.file:
+        pool.Add(file)
+    hand_type = GetMessageClass(pool.FindMessageTypeByName("handtrack.Hand"))
+    state_type = GetMessageClass(pool.FindMessageTypeByName("handtrack.State"))
+    schema_text = described.SerializeToString()
+
+    def pack(values):
+        flat = np.asarray(values, dtype="<f8").ravel()
+        return flat.tobytes() if arrays == "bytes" else flat.tolist()
+
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=4096)
+        writer.start()
+        writer.add_metadata("handtrack", {"time_offset_ns": str(offset)})
+        hand_schema = writer.register_schema("handtrack.Hand", "protobuf", schema_text)
+        state_schema = writer.register_schema("handtrack.State", "protobuf", schema_text)
+        for topic, (hand, name, time_ns, joints, confidence, truth) in hands.items():
+            model = writer.register_channel(f"/{topic}/model", "protobuf", hand_schema)
+            states = writer.register_channel(f"/{topic}/state", "protobuf", state_schema)
+            about = hand_type(hand=hand, sequence_name=name, subject="A", source="x.npz")
+            writer.add_message(model, int(time_ns[0]) - offset, about.SerializeToString(), 0)
+            for i, time in enumerate(time_ns):
+                state = state_type(
+                    frame_index=100 + i, observed=pack(joints[i]), confidence=pack(confidence[i])
+                )
+                if truth is not None:
+                    value = pack(truth[i])
+                    if arrays == "bytes":
+                        state.truth = value
+                    else:
+                        state.truth.extend(value)
+                if change is not None:
+                    change(i, state)
+                writer.add_message(states, int(time) - offset, state.SerializeToString(), 0)
+        mesh = writer.register_channel("/mesh", "protobuf", state_schema)  # not a state topic
+        del mesh
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize("arrays", ["bytes", "repeated"])
+@pytest.mark.parametrize("first", [0, -(10**9), START])
+def test_own_recording(tmp_path, left, right, arrays, first):
+    observed = right.copy()
+    observed[3] = np.nan
+    observed[4, 7] = np.nan
+    confidence = np.where(np.isnan(observed[..., 0]), 0, 0.75)
+    time = first + STEP * np.arange(12)
+    hands = {
+        "left": ("left", "grab left", time, left, np.ones((12, 21)), None),
+        "right": ("right", "grab right", time, observed, confidence, right),
+    }
+    path = write_own(tmp_path / "run.mcap", hands, arrays, min(0, first))
+    a, b = ht.load(path)
+    np.testing.assert_array_equal(a.joints, left)
+    np.testing.assert_array_equal(b.joints, observed)
+    np.testing.assert_array_equal(b.confidence, confidence)
+    np.testing.assert_array_equal(b.truth, right)
+    np.testing.assert_array_equal(b.time_ns, time)
+    assert a.truth is None
+    assert b.frame_index.tolist() == list(range(100, 112))
+    assert [(s.hand, s.name, s.subject) for s in (a, b)] == [
+        ("left", "grab left", "A"),
+        ("right", "grab right", "A"),
+    ]
+
+
+def test_bad_own_recordings(tmp_path, right):
+    confidence, time = np.ones((12, 21)), STEP * np.arange(12)
+    hands = {"right": ("right", "a", time, right, confidence, right)}
+
+    def cut(i, state):
+        state.observed = state.observed[:-8]
+
+    def sometimes(i, state):
+        if i == 5:
+            state.truth = b""
+
+    def odd(i, state):
+        state.confidence = b"123"
+
+    for change, message in [
+        (cut, "right/state, message 0: observed has 62 numbers, expected 63"),
+        (sometimes, "11 of 12 messages have a truth"),
+        (odd, "confidence is 3 bytes, expected 168"),
+    ]:
+        with pytest.raises(ht.InputError, match=message):
+            ht.load(write_own(tmp_path / "a.mcap", hands, change=change))
+    hands = {"right": ("both", "a", time, right, confidence, None)}
+    with pytest.raises(ht.InputError, match="/right/model: hand is 'both'"):
+        ht.load(write_own(tmp_path / "a.mcap", hands))
+    with pytest.raises(ht.InputError, match=r"without handtrack\.State messages"):
+        ht.load(write_own(tmp_path / "a.mcap", {}))
+
+
+def test_what_the_recorder_writes(tmp_path, left):
+    """The recorder and this reader are written apart: they must agree on the file."""
+    io = pytest.importorskip("handtrack.recording.mcap_io")
+    track = make_track(left)
+    io.write_mcap([track], tmp_path / "t.mcap")
+    (sequence,) = ht.load(tmp_path / "t.mcap")
+    np.testing.assert_array_equal(sequence.joints, track.observed)
+    np.testing.assert_array_equal(sequence.confidence, track.confidence)
+    np.testing.assert_array_equal(sequence.truth, track.truth)
+    np.testing.assert_array_equal(sequence.time_ns, track.time_ns)
+    np.testing.assert_array_equal(sequence.frame_index, track.frame_index)
+    assert (sequence.hand, sequence.subject, sequence.name) == ("left", "A", "wave")
+
+
+def make_track(joints):
+    from handtrack.tracking.track import Track
+
+    n = len(joints)
+    observed = joints.copy()
+    observed[2, 3] = np.nan
+    pose = np.tile([1.0, 0, 0, 0], (n, 1))
+    angles = np.zeros((n, 20))
+    return Track(
+        name="wave",
+        hand="left",
+        time_ns=-(10**9) + STEP * np.arange(n),
+        frame_index=5 + np.arange(n),
+        observed=observed,
+        confidence=np.where(np.isnan(observed[..., 0]), 0, 0.5),
+        truth=joints,
+        angles_raw=angles,
+        angles=angles,
+        quaternion_raw=pose,
+        quaternion=pose,
+        translation_raw=np.zeros((n, 3)),
+        translation=np.zeros((n, 3)),
+        fitted_joints=joints,
+        filtered_joints=joints,
+        angle_variance=np.ones((n, 20)),
+        objective=np.zeros(n),
+        sweeps=np.ones(n, np.int64),
+        status=np.full(n, "fitted"),
+        reason=np.full(n, ""),
+        model=ht.HandModel.default("left"),
+        subject="A",
+    )
