@@ -3,27 +3,37 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.fitting import kernels
+from handtrack.fitting import covariance, frames, lanes
+from handtrack.fitting import newton as solve
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
 
 Array = NDArray[np.float64]
 Update = Literal["exact", "li2021"]
+Method = Literal["newton", "bcd"]
 UPDATES: tuple[Update, Update] = ("exact", "li2021")
+METHODS: tuple[Method, Method] = ("newton", "bcd")
+
+N_POSE = N_ANGLES + 6
 
 MAX_SWEEPS = 1000
 TOLERANCE = 1e-6
+# sweeps before the Newton steps of a cold start, and the steps at most
+COLD_SWEEPS = 2
+MAX_STEPS = 100
 
-_STATES = {kernels.CONVERGED: "converged", kernels.SWEEP_LIMIT: "iteration limit"}
-
-# joints nearer than this to one line leave the rotation about it open
-_LINE_M = 1e-4
+STATUS = {
+    lanes.CONVERGED: "converged",
+    lanes.STALLED: "iteration limit",
+    lanes.LIMIT: "iteration limit",
+    lanes.UNDERDETERMINED: "underdetermined",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +47,11 @@ class Fit:
         joints: (21, 3) of the fitted pose in the world [m].
         objective: sum of weighted squared distances to the given joints [m^2] (eq. 6).
         sweeps: sweeps of Algorithm 1 that were made.
-        variance: (20,) of the angles [rad^2] from the Gauss-Newton Hessian, at the noise
-            that the residual shows; inf where no given joint depends on an angle.
+        steps: Newton steps that were taken after them.
+        covariance: (26, 26) of the 20 angles [rad], a small turn of the world on the left of
+            the rotation [rad] and the translation [m], from the Gauss-Newton Hessian, at the
+            noise that the residual shows. An angle that a limit holds has none; one that no
+            given joint depends on has inf on the diagonal.
         status: "converged", "iteration limit", or "underdetermined" where the given joints
             leave the hand's rotation or position open.
     """
@@ -49,8 +62,14 @@ class Fit:
     joints: Array
     objective: float
     sweeps: int
-    variance: Array
+    steps: int
+    covariance: Array
     status: str
+
+    @property
+    def variance(self) -> Array:
+        """(20,) variances of the angles [rad^2]."""
+        return np.diagonal(self.covariance)[:N_ANGLES].copy()
 
 
 def fit(
@@ -59,10 +78,11 @@ def fit(
     start: Fit | ArrayLike | None = None,
     weights: ArrayLike | None = None,
     update: Update = "exact",
+    method: Method = "newton",
     max_sweeps: int = MAX_SWEEPS,
     tolerance: float = TOLERANCE,
 ) -> Fit:
-    """Fit a hand model to joints by block coordinate descent (Li et al. 2021, Algorithm 1).
+    """Fit a hand model to joints (Li et al. 2021, eq. 6).
 
     Args:
         model: the hand; its limits hold for the result.
@@ -71,9 +91,12 @@ def fit(
             mean pose. Angles outside the limits are moved to the nearest valid ones.
         weights: (21,) non-negative weight of each joint; 1 by default.
         update: "exact", the constrained minimiser of each block, or "li2021", the paper's
-            Procrustes, Euler angles and projection.
-        max_sweeps: sweeps at most.
-        tolerance: stop when a sweep improves the objective by less than this share of it.
+            Procrustes, Euler angles and projection (always plain Algorithm 1).
+        method: "newton", sweeps of Algorithm 1 and then Newton steps on the hand's structure
+            to the constrained optimum; or "bcd", Algorithm 1 alone.
+        max_sweeps: sweeps of plain Algorithm 1 at most.
+        tolerance: stop when a sweep, or a step's promise, improves the objective by less than
+            this share of it.
 
     Returns:
         The fit. Its status says where the joints do not determine the pose; angles that
@@ -82,41 +105,137 @@ def fit(
     Raises:
         InputError: wrong shapes, infinite joints, weights that are negative or not finite,
             or no joint with a positive weight.
-        SettingsError: an unknown update, or limits of the iteration that make no sense.
+        SettingsError: an unknown update or method, or limits of the iteration that make no
+            sense.
     """
     if update not in UPDATES:
         raise SettingsError(f"update {update!r} is unknown, expected exact or li2021")
+    if method not in METHODS:
+        raise SettingsError(f"method {method!r} is unknown, expected newton or bcd")
     if max_sweeps < 1 or not tolerance >= 0:
         raise SettingsError("max_sweeps must be at least 1 and tolerance at least 0")
-    targets, w = _observations(joints, weights)
+    targets, w = observations(joints, weights)
     angles, root = _start(model, start)
-    objective, sweeps, state = kernels.bcd(
-        model.rest_joints,
-        model.axes,
-        model.limits.lower,
-        model.limits.upper,
-        targets,
-        w,
-        angles,
-        root,
-        update == "exact",
-        max_sweeps,
-        tolerance,
-    )
-    rotation, translation = root[:9].reshape(3, 3), root[9:]
-    return Fit(
-        angles=angles,
-        rotation=rotation,
-        translation=translation,
-        joints=model.joints(angles, rotation, translation),
-        objective=objective,
-        sweeps=sweeps,
-        variance=_variance(model, angles, root, w, objective),
-        status=_STATES[state] if _determined(targets, w) else "underdetermined",
-    )
+    program = Program(update, method, max_sweeps, tolerance)
+    results = Results(1)
+    memory = 2 if isinstance(start, Fit) else 0
+    results.run(program, model, targets[None], w[None], angles, root, memory, 1)
+    return results.fit(0, int((w > 0).sum()))
 
 
-def _observations(joints: ArrayLike, weights: ArrayLike | None) -> tuple[Array, Array]:
+class Program:
+    """Which compiled solvers fit a frame, and their settings."""
+
+    def __init__(
+        self,
+        update: Update = "exact",
+        method: Method = "newton",
+        max_sweeps: int = MAX_SWEEPS,
+        tolerance: float = TOLERANCE,
+    ):
+        """As in `fit`.
+
+        Raises:
+            SettingsError: an unknown update or method, or limits of the iteration that make
+                no sense.
+        """
+        if update not in UPDATES:
+            raise SettingsError(f"update {update!r} is unknown, expected exact or li2021")
+        if method not in METHODS:
+            raise SettingsError(f"method {method!r} is unknown, expected newton or bcd")
+        if max_sweeps < 1 or not tolerance >= 0:
+            raise SettingsError("max_sweeps must be at least 1 and tolerance at least 0")
+        if update == "exact":
+            from handtrack.fitting.descent import bcd_exact as bcd
+        else:
+            from handtrack.fitting.li2021 import bcd_li2021 as bcd
+        newton = solve.newton.address if (update, method) == ("exact", "newton") else 0
+        self.solvers = (bcd.address, newton, covariance.unit_covariance.address)
+        self.settings = (COLD_SWEEPS, max_sweeps, MAX_STEPS, tolerance)
+
+
+class Results:
+    """The arrays that `frames.fit_frames` writes, for T frames; NaN where nothing is fitted."""
+
+    def __init__(self, n: int):
+        self.angles = np.full((n, N_ANGLES), np.nan)
+        self.roots = np.full((n, 12), np.nan)
+        self.joints = np.full((n, N_JOINTS, 3), np.nan)
+        self.objective = np.full(n, np.nan)
+        self.iterations = np.zeros((n, 2), dtype=np.int64)
+        self.state = np.zeros(n, dtype=np.int64)
+        self.covariance = np.full((n, N_POSE, N_POSE), np.nan)
+
+    def run(
+        self,
+        program: Program,
+        model: HandModel,
+        targets: Array,
+        weights: Array,
+        angles: Array,
+        root: Array,
+        memory: int,
+        min_joints: int,
+    ) -> int:
+        """Fit the frames, each from the one before; angles and root are overwritten.
+
+        A cold start begins at `angles` with memory 0, else at the model's mean pose. Returns
+        the memory for the next frames (see `frames.fit_frames`).
+        """
+        state = np.array([memory])
+        limits = model.limits
+        frames.fit_frames(
+            (model.rest_joints, model.axes, limits.lower, limits.upper, 0.0),
+            program.solvers,
+            program.settings,
+            targets,
+            weights,
+            angles.copy() if memory == 0 else model.mean_angles,
+            angles,
+            root,
+            state,
+            min_joints,
+            self.angles,
+            self.roots,
+            self.joints,
+            self.objective,
+            self.iterations,
+            self.state,
+            self.covariance,
+        )
+        return int(state[0])
+
+    def fit(self, t: int, seen: int) -> Fit:
+        """Frame t as a Fit, with the noise of its own residual (`seen` joints)."""
+        return Fit(
+            angles=self.angles[t],
+            rotation=self.roots[t, :9].reshape(3, 3),
+            translation=self.roots[t, 9:],
+            joints=self.joints[t],
+            objective=float(self.objective[t]),
+            sweeps=int(self.iterations[t, 0]),
+            steps=int(self.iterations[t, 1]),
+            covariance=self.covariance[t] * residual_noise(self.objective[t], seen),
+            status=STATUS[int(self.state[t])],
+        )
+
+
+def residual_noise(objective: Any, seen: Any) -> Any:
+    """Variance of the joints per coordinate [m^2] that the residual of a fit shows.
+
+    Args:
+        objective: sums of squared distances [m^2].
+        seen: joints that were fitted, which leave 3 seen - 26 degrees of freedom.
+    """
+    return objective / np.maximum(3 * seen - N_POSE, 1)
+
+
+def observations(joints: ArrayLike, weights: ArrayLike | None) -> tuple[Array, Array]:
+    """Targets (21, 3) without NaN and weights (21,), 0 where a joint is missing.
+
+    Raises:
+        InputError: as `fit`.
+    """
     targets = np.array(joints, dtype=np.float64)
     if targets.shape != (N_JOINTS, 3):
         raise InputError(f"joints have shape {targets.shape}, expected (21, 3)")
@@ -147,50 +266,6 @@ def _start(model: HandModel, start: Fit | ArrayLike | None) -> tuple[Array, Arra
     if angles.shape != (N_ANGLES,) or not np.isfinite(angles).all():
         raise InputError(f"the start has shape {angles.shape}, expected 20 finite angles [rad]")
     return model.limits.clamp(angles), root
-
-
-def _determined(targets: Array, w: Array) -> bool:
-    """Whether the given joints fix the hand's place: three of them, not on one line."""
-    points = targets[w > 0]
-    if len(points) < 3:
-        return False
-    spread = np.linalg.svd(points - points.mean(0), compute_uv=False)
-    return bool(spread[1] > _LINE_M)
-
-
-def covariance(model: HandModel, fitted: Fit, weights: ArrayLike, noise: float) -> Array:
-    """Covariance of a fitted pose from the Gauss-Newton Hessian.
-
-    Args:
-        model: the hand that was fitted.
-        fitted: the fit.
-        weights: (21,) of its joints, 0 where missing.
-        noise: variance of the joints' noise per coordinate [m^2].
-
-    Returns:
-        (26, 26): angles [rad], a turn on the left of the rotation [rad], translation [m]; a
-        diagonal of inf where nothing observes an angle.
-    """
-    root = np.concatenate([fitted.rotation.ravel(), fitted.translation])
-    w = np.asarray(weights, dtype=np.float64)
-    return _covariance(model, fitted.angles, root, w, noise)
-
-
-def _covariance(model: HandModel, angles: Array, root: Array, w: Array, noise: float) -> Array:
-    jacobian = np.empty((N_JOINTS, 3, N_ANGLES + 6))
-    kernels.jacobian(model.rest_joints, model.axes, angles, root, jacobian)
-    j = (jacobian * np.sqrt(w)[:, None, None]).reshape(3 * N_JOINTS, -1)
-    seen = np.flatnonzero(np.einsum("ij,ij->j", j, j) > 0)
-    out = np.diag(np.full(N_ANGLES + 6, np.inf))
-    j = j[:, seen]
-    out[np.ix_(seen, seen)] = noise * np.linalg.pinv(j.T @ j, rcond=1e-12, hermitian=True)
-    return out
-
-
-def _variance(model: HandModel, angles: Array, root: Array, w: Array, objective: float) -> Array:
-    free = 3 * int((w > 0).sum()) - N_ANGLES - 6
-    c = _covariance(model, angles, root, w, objective / max(free, 1))
-    return np.diagonal(c)[:N_ANGLES].copy()
 
 
 def warm_up() -> None:

@@ -1,8 +1,11 @@
 """How the project's inner loops are compiled: numba, cached on disk.
 
-Kernels are compiled on their first run and kept in numba's cache: beside the package, or in
-the user's cache folder where that is not writable. Their arguments are trusted; callers
+Machine code is made on the first run and kept in numba's cache: beside the package, or in the
+user's cache folder where that is not writable. Arguments of compiled code are trusted; callers
 validate.
+
+A *solver* is a compiled function of the fitter's buffer alone. Compiled code calls it by its
+address, so each is compiled once instead of once more inside each of its callers.
 """
 
 from __future__ import annotations
@@ -11,16 +14,43 @@ from collections.abc import Callable
 from typing import Any
 
 import numba
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
 
 # reordering sums is allowed, assuming that NaN never occurs is not
-_FAST = {"reassoc", "contract", "arcp", "nsz"}
+_OPTIONS: Any = {
+    "fastmath": {"reassoc", "contract", "arcp", "nsz"},
+    "error_model": "numpy",
+}
+_BUFFER = types.Array(types.float64, 1, "C")
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function, without the GIL and with its machine code cached on disk."""
-    return numba.njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")(function)
+    """Compile a function that Python calls, without the GIL."""
+    options: Any = {"no_cfunc_wrapper": True, **_OPTIONS}
+    return numba.njit(cache=True, nogil=True, **options)(function)
 
 
 def inline(function: Callable[..., Any]) -> Any:
-    """Compile a small function that kernels call; LLVM inlines it there."""
-    return numba.njit(nogil=True, fastmath=_FAST, error_model="numpy")(function)
+    """Compile a function that other compiled code calls; small ones are inlined."""
+    options: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, **_OPTIONS}
+    return numba.njit(**options)(function)
+
+
+def solver(function: Callable[..., Any]) -> Any:
+    """Compile a function of the fitter's buffer that is called by its `address`."""
+    return numba.cfunc(types.void(_BUFFER), cache=True, **_OPTIONS)(function)
+
+
+@intrinsic
+def call(typing_context: Any, address: Any, buffer: Any) -> Any:
+    """Call the solver at an address on a buffer, from compiled code."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        native = context.get_value_type(signature.args[1])
+        function = ir.FunctionType(ir.VoidType(), [native]).as_pointer()
+        builder.call(builder.inttoptr(arguments[0], function), [arguments[1]])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, _BUFFER), generate

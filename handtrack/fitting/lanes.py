@@ -69,7 +69,14 @@ RHO = ROOT_BEFORE + 12
 CHANGE = RHO + 8
 SYSTEM = CHANGE + 8
 ROWS = SYSTEM + 6 * LANES
-SIZE = ROWS + 20 * LANES
+# settings and results of the solvers, and the pose's covariance (26 x 26)
+MAX_SWEEPS, MAX_STEPS, TOLERANCE, LOSS, SPREAD2 = range(ROWS + 20 * LANES, ROWS + 20 * LANES + 5)
+OBJECTIVE, SWEEPS, STEPS, STATE = range(SPREAD2 + 1, SPREAD2 + 5)
+COVARIANCE = STATE + 1
+SIZE = COVARIANCE + 26 * 26
+
+# what STATE says
+CONVERGED, LIMIT, STALLED, TOO_FEW, UNDERDETERMINED = range(5)
 
 NO_LOSS, HUBER, GEMAN_MCCLURE = 0, 1, 2
 
@@ -181,13 +188,11 @@ def cos_sin(x):
 
 
 @inline
-def place(s, loss, spread2):
-    """Forward kinematics, targets in the root frame and the objective of the pose.
+def place(s):
+    """Forward kinematics (eq. 1, 2, 4, 5), targets in the root frame, and the objective.
 
-    Args:
-        s: the buffer.
-        loss: NO_LOSS, HUBER or GEMAN_MCCLURE.
-        spread2: square of the distance at which the loss bends [m^2].
+    LOSS in the buffer is NO_LOSS, HUBER or GEMAN_MCCLURE, SPREAD2 the square of the distance
+    at which the loss bends [m^2].
     """
     for f in range(LANES):
         cz, sz = cos_sin(s[ANGLE_Z + f])
@@ -232,7 +237,7 @@ def place(s, loss, spread2):
         s[L1 + f], s[L2 + f], s[L3 + f], s[L4 + f] = w1, w2, w3, w4
         total += w1 * distance2(get(s, X1 + f), y1) + w2 * distance2(get(s, X2 + f), y2)
         total += w3 * distance2(get(s, X3 + f), y3) + w4 * distance2(get(s, X4 + f), y4)
-    return total if loss == NO_LOSS else soften(s, loss, spread2)
+    return total if s[LOSS] == NO_LOSS else soften(s, s[LOSS], s[SPREAD2])
 
 
 @inline

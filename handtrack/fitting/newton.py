@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from handtrack.fitting.compiled import inline, kernel
+from handtrack.fitting.compiled import inline, solver
 from handtrack.fitting.fingers import guess_faces, inverse_squares, keeps_limits, solve_finger
 from handtrack.fitting.lanes import (
     ANGLE_2,
@@ -18,6 +18,7 @@ from handtrack.fitting.lanes import (
     ANGLE_Z,
     BEFORE,
     CHANGE,
+    CONVERGED,
     CURVE,
     D_2,
     D_3,
@@ -44,9 +45,12 @@ from handtrack.fitting.lanes import (
     L_13,
     L_23,
     LANES,
+    LIMIT,
     LOW_2,
+    MAX_STEPS,
     NORMAL_Y,
     NORMAL_Z,
+    OBJECTIVE,
     P_0,
     P_1,
     P_2,
@@ -64,11 +68,15 @@ from handtrack.fitting.lanes import (
     ROW_Y,
     ROW_Z,
     ROWS,
+    STALLED,
+    STATE,
     STEP_2,
     STEP_3,
     STEP_Y,
     STEP_Z,
+    STEPS,
     SYSTEM,
+    TOLERANCE,
     UP_2,
     G,
     differentiate,
@@ -76,14 +84,14 @@ from handtrack.fitting.lanes import (
 )
 from handtrack.fitting.vectors import cross, dot
 
-CONVERGED, LIMIT, STALLED = 0, 1, 2
-
 # a pivot below this share of Gauss-Newton's diagonal is lifted to it
 SOUND_PIVOT = 0.05
 # [m^2] keeps what nothing observes in place
 PIVOT_FLOOR = 1e-10
+# the root has answered the fingers once its change is this small a share (squared) of its step
+INNER = 1e-2
 # [m^2] an objective this small is zero
-_NOTHING = 1e-22
+NOTHING = 1e-22
 
 
 @inline
@@ -242,17 +250,22 @@ def add_model_gradient(s):
 
 
 @inline
+def eight(s, i):
+    """Eight neighbours of the buffer."""
+    return (s[i], s[i + 1], s[i + 2], s[i + 3], s[i + 4], s[i + 5], s[i + 6], s[i + 7])
+
+
+@inline
 def eliminate_fingers(s):
     """The Schur complement: take B^T H^-1 (B, gradient) of every finger from SYSTEM."""
     for f in range(5):
         for a in range(4):
-            r = ROWS + (4 * f + a) * LANES
-            s[r + 7] = 0.0
+            r = eight(s, ROWS + (4 * f + a) * LANES)
             d = s[P_0 + a * LANES + f]
             for i in range(6):
-                v = d * s[r + i]
-                for j in range(LANES):
-                    s[SYSTEM + i * LANES + j] -= v * s[r + j]
+                v = d * r[i]
+                for j in range(7):
+                    s[SYSTEM + i * LANES + j] -= v * r[j]
 
 
 @inline
@@ -308,17 +321,18 @@ def find_step(s):
             add_model_gradient(s)
         eliminate_fingers(s)
         sound = solve_root(s)
-        size = 0.0
+        size = total = 0.0
         for i in range(6):
             s[RHO + i] += s[CHANGE + i]
             size += s[CHANGE + i] ** 2
+            total += s[RHO + i] ** 2
         move_along_faces(s, inner == 0)
         solved = False
         for f in range(5):
             if not keeps_limits(s, f):
                 solve_finger(s, f)
                 solved = True
-        if not solved or size < 1e-20:
+        if not solved or size < INNER * total:
             break
     return sound
 
@@ -375,45 +389,37 @@ def take_step(s, share):
         s[ROOT + 9 + i] = s[ROOT_BEFORE + 9 + i] + dot(r, v)
 
 
-@kernel
-def newton(s, max_steps, tolerance, loss, spread2):
+@solver
+def newton(s):
     """Newton steps from the pose in the buffer until the model promises no more.
 
-    Args:
-        s: the buffer with model, frame and pose.
-        max_steps: steps at most.
-        tolerance: stop after a step that promised less than this share of the objective.
-        loss, spread2: as in `place`.
-
-    Returns:
-        The objective, the steps taken, and CONVERGED, LIMIT or STALLED (no share of the step
-        lowers the objective). The pose is never worse than before.
+    In the buffer: MAX_STEPS at most; TOLERANCE, to stop after a step that promised less than
+    this share of the objective. Adds to STEPS; sets OBJECTIVE and STATE to CONVERGED, LIMIT or
+    STALLED (no share of the step lowers the objective). The pose is never worse than before.
     """
     cost = math.inf
     promise = math.inf
     share = 0.0
-    steps = 0
+    steps = 0.0
     state = LIMIT
     second = 0.0  # the exact Hessian pays once the pose is near
     keep_pose(s)
     clear_step(s)
     while True:
         take_step(s, share)
-        new = place(s, loss, spread2)
+        new = place(s)
         if share > 0.0 and not new <= cost - 2e-4 * share * promise:
             # Armijo's test failed: a shorter step, or back to where it began
             share *= 0.5 if share > 0.2 else 0.2
             if share < 1e-9:
                 share = 0.0
-                state = CONVERGED if promise <= 1e-9 * new + _NOTHING else STALLED
-                steps -= 1
-                max_steps = steps
+                state = CONVERGED if promise <= 1e-9 * cost + NOTHING else STALLED
             continue
         cost = new
-        if share == 1.0 and promise <= tolerance * cost + _NOTHING:
+        if share == 1.0 and promise <= s[TOLERANCE] * cost + NOTHING:
             state = CONVERGED
-        if state != LIMIT or steps == max_steps:
-            return cost, steps, state
+        if state != LIMIT or steps == s[MAX_STEPS]:
+            break
         differentiate(s, second)
         lift_pivots(s, SOUND_PIVOT)
         if not find_step(s) and second > 0.0:
@@ -422,9 +428,13 @@ def newton(s, max_steps, tolerance, loss, spread2):
             lift_pivots(s, SOUND_PIVOT)
             find_step(s)
         promise = -slope_of_step(s)
-        if not promise > 0.0 or cost < _NOTHING:
-            return cost, steps, CONVERGED if promise <= tolerance * cost + _NOTHING else STALLED
+        if not promise > 0.0 or cost < NOTHING:
+            state = CONVERGED if promise <= s[TOLERANCE] * cost + NOTHING else STALLED
+            break
         keep_pose(s)
         share = 1.0
         second = 1.0
-        steps += 1
+        steps += 1.0
+    s[OBJECTIVE] = cost
+    s[STATE] = state
+    s[STEPS] += steps

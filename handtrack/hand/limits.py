@@ -78,13 +78,13 @@ class Limits:
         """
         angles = np.asarray(angles, dtype=np.float64)
         out = np.clip(angles, self.lower, self.upper)
-        for z in SADDLE_FLEXION:
-            pair = angles[..., z : z + 2]
-            axes = np.where(pair < 0, -self.lower[z : z + 2], self.upper[z : z + 2])
-            outside = ((pair / axes) ** 2).sum(-1) > 1
-            out[..., z : z + 2] = pair
-            if outside.any():
-                out[outside, z : z + 2] = nearest_on_ellipse(pair[outside], axes[outside])
+        pairs = angles.reshape(*angles.shape[:-1], 5, 4)[..., :2]
+        low, high = self.lower.reshape(5, 4)[:, :2], self.upper.reshape(5, 4)[:, :2]
+        axes = np.where(pairs < 0, -low, high)
+        outside = ((pairs / axes) ** 2).sum(-1) > 1
+        if outside.any():
+            saddles = out.reshape(*out.shape[:-1], 5, 4)[..., :2]
+            saddles[outside] = nearest_on_ellipse(pairs[outside], axes[outside])
         return np.asarray(out)
 
 

@@ -121,7 +121,7 @@ class HandModel:
             np.linalg.norm(self.rest_joints[PALM[2:]] - self.rest_joints[0], axis=1).mean()
         )
 
-    @property
+    @cached_property
     def mean_angles(self) -> Array:
         """(20,) a relaxed hand inside the limits [rad], where a fit without a start begins."""
         return self.limits.clamp(_RELAXED)
@@ -215,7 +215,9 @@ class HandModel:
         rotation = np.eye(3) if rotation is None else np.asarray(rotation, dtype=np.float64)
         translation = np.asarray(translation, dtype=np.float64)
         rotations = rotation[..., None, :, :] @ rotations
-        offsets = np.einsum("...ij,...pj->...pi", rotation, offsets) + translation[..., None, :]
+        if translation.ndim:
+            translation = translation[..., None, :]
+        offsets = np.einsum("...ij,...pj->...pi", rotation, offsets) + translation
         transforms = np.concatenate([rotations, offsets[..., None]], -1)  # (..., 16, 3, 4)
         lead = transforms.shape[:-3]
         # vertex v, pose n: sum_p w_vp T_np [x_v; 1] as one product over (part, homogeneous axis)

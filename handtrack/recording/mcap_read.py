@@ -58,7 +58,9 @@ def read_tracks(path: Path) -> list[Track]:
         topics = ", ".join(sorted(c.topic for c in walk.channels.values())) or "no topics"
         about = f"; {walk.cut}" if walk.cut else ""
         raise InputError(f"not a recording of handtrack, it has {topics}{about}", path)
-    version = walk.metadata.get(METADATA, {}).get("format_version")
+    if METADATA not in walk.metadata:
+        raise InputError(f"the metadata record {METADATA!r} is missing", path)
+    version = walk.metadata[METADATA].get("format_version")
     if version != FORMAT_VERSION:
         raise InputError(
             f"format version {version}, this handtrack reads version {FORMAT_VERSION}", path

@@ -11,6 +11,7 @@ import numpy as np
 
 from handtrack.errors import SettingsError
 from handtrack.recording import encode
+from handtrack.recording.log_lines import log_lines
 from handtrack.recording.mcap_stream import McapStream
 from handtrack.recording.schema import JOINT_STATE_NAME, JOINT_STATE_ROS2, descriptor_set
 from handtrack.recording.topics import hand_topics
@@ -56,8 +57,10 @@ def write_messages(
     for track in tracks:
         if (track.time_ns[1:] <= track.time_ns[:-1]).any():
             raise SettingsError(f"time of {track.name} does not increase")
-    first = min([int(t.time_ns[0]) for t in tracks if len(t)], default=0)
-    offset = min([first, 0, *(e.time_ns for t in tracks for e in t.events)])
+    starts = [int(t.time_ns[0]) for t in tracks if len(t)]
+    first = min([*starts, *(e.time_ns for t in tracks for e in t.events)], default=0)
+    # MCAP's times cannot be negative
+    offset = min(first, 0)
     models = [encode.hand_message(track) for track in tracks]
     writer = McapStream(stream, compression, CHUNK_BYTES)
     topics = hand_topics((t.name, t.hand) for t in tracks)
@@ -69,7 +72,7 @@ def write_messages(
     ]
     for hand, model in zip(hands, models, strict=True):
         hand.write_model(first - offset, model)
-    sources = [source for hand in hands for source in (hand.events(), hand.frames())]
+    sources = [source for hand in hands for source in hand.sources()]
     for time, _, sequence, channel, data in heapq.merge(*sources, key=lambda m: m[:2]):
         writer.message(channel, time, sequence & 0xFFFFFFFF, data)
     writer.finish()
@@ -85,7 +88,7 @@ def _metadata(tracks: Sequence[Track], topics: list[str], offset: int) -> dict[s
 
     return {
         "format_version": FORMAT_VERSION,
-        "version": ", ".join(sorted({t.version for t in tracks})),
+        "version": encode.text(", ".join(sorted({t.version for t in tracks}))),
         "time_offset_ns": str(offset),
         "hands": by_hand(t.name for t in tracks),
         "models": by_hand(t.model.name for t in tracks),
@@ -127,18 +130,25 @@ class _HandWriter:
     def write_model(self, time: int, data: bytes) -> None:
         self._writer.message(self._channel["model"], time, 0, data)
 
-    def events(self) -> Iterator[Message]:
+    def sources(self) -> Sequence[Iterator[Message]]:
+        """Everything but the model, each source in order of time."""
+        return self._events(), self._lines(), self._frames()
+
+    def _events(self) -> Iterator[Message]:
         numbered = enumerate(self._track.events)
         for i, event in sorted(numbered, key=lambda pair: pair[1].time_ns):
             time = event.time_ns - self._offset
-            line = encode.log_message(time, event.level, event.text, self._topic)
             yield time, self._index, i, self._channel["event"], encode.event_message(event)
-            yield time, self._index, i, self._channel["log"], line
 
-    def frames(self) -> Iterator[Message]:
+    def _lines(self) -> Iterator[Message]:
+        for i, line in enumerate(log_lines(self._track)):
+            time = line.time_ns - self._offset
+            data = encode.log_message(time, line.level, line.text, self._topic)
+            yield time, self._index, i, self._channel["log"], data
+
+    def _frames(self) -> Iterator[Message]:
         track = self._track
         transforms = encode.TransformEncoder(self._topic, track.model)
-        before = ("fitted", "")
         for start in range(0, len(track), BATCH):
             frames = slice(start, start + BATCH)
             # modulo 2^64, so right for every pair of int64
@@ -160,12 +170,3 @@ class _HandWriter:
                 for channel, data in zip(channels, row, strict=True):
                     if data is not None:
                         yield time, self._index, i, channel, data
-                now = (str(track.status[i]), str(track.reason[i]))
-                if now != before:
-                    yield time, self._index, i, self._channel["log"], self._change(time, i, *now)
-                    before = now
-
-    def _change(self, time: int, frame: int, status: str, reason: str) -> bytes:
-        level = "warning" if status == "lost" else "info"
-        line = f"frame {self._track.frame_index[frame]}: {status}{f': {reason}' if reason else ''}"
-        return encode.log_message(time, level, line, self._topic)

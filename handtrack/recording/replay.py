@@ -93,6 +93,8 @@ def _window(file: Path) -> None:
 def _serve(file: Path, page: int, say: Callable[[str], None], open_browser: bool) -> None:
     """The viewer for browsers, until Ctrl-C."""
     data = _free_port()
+    while data == page:
+        data = _free_port()
     ports = ("--port", str(data), "--web-viewer-port", str(page))
     # the server drops what exceeds its memory: the whole recording must fit
     limit = ("--server-memory-limit", f"{max(1, 2 * file.stat().st_size >> 30)}GiB")

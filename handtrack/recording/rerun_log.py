@@ -13,6 +13,7 @@ from handtrack.errors import SettingsError
 from handtrack.hand.skeleton import BONES, FINGERS, JOINT_NAMES
 from handtrack.recording import viewer_style as style
 from handtrack.recording.blueprint import blueprint
+from handtrack.recording.log_lines import log_lines
 from handtrack.recording.normals import VertexNormals
 from handtrack.recording.rrd_file import rrd_file
 from handtrack.recording.topics import hand_topics
@@ -238,31 +239,18 @@ class _Hand:
             self._send(entity, rr.StateChange.columns(state=status[rows].tolist()), rows)
 
     def lines(self) -> None:
-        """The events, and every change of status or reason, as lines of a log."""
+        """The events, and changes of status, as lines of a log."""
         import rerun as rr
 
-        track = self._track
-        lines = [
-            (e.time_ns, "WARN" if e.level == "warning" else "INFO", e.text) for e in track.events
-        ]
-        before = ("fitted", "")
-        for i, now in enumerate(zip(track.status.tolist(), track.reason.tolist(), strict=True)):
-            if now != before:
-                what, why = now
-                level = "WARN" if what == "lost" else "INFO"
-                text = f"frame {track.frame_index[i]}: {what}{f': {why}' if why else ''}"
-                lines.append((int(track.time_ns[i]), level, text))
-            before = now
+        track, lines = self._track, log_lines(self._track)
         if not lines or not len(track):
             return
-        lines.sort(key=lambda line: line[0])
-        time_ns = np.array([line[0] for line in lines], np.int64)
-        # an event has only a time: its frame is the one before it
-        frames = np.clip(np.searchsorted(track.time_ns, time_ns, "right") - 1, 0, None)
-        columns = rr.TextLog.columns(
-            text=[line[2] for line in lines], level=[line[1] for line in lines]
-        )
-        indexes = self._indexes(track.frame_index[frames], time_ns)
+        time_ns = np.array([line.time_ns for line in lines], np.int64)
+        # an event has only a time: its frame is the last one before it
+        row = np.clip(np.searchsorted(track.time_ns, time_ns, "right") - 1, 0, None)
+        levels = ["WARN" if line.level == "warning" else "INFO" for line in lines]
+        columns = rr.TextLog.columns(text=[line.text for line in lines], level=levels)
+        indexes = self._indexes(track.frame_index[row], time_ns)
         self._recording.send_columns(f"log/{self._topic}", indexes, columns)
 
 

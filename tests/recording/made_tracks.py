@@ -13,9 +13,7 @@ from handtrack.tracking.track import Event, Track
 
 
 def with_skin(model: HandModel, sides: int = 8, rings: int = 5) -> HandModel:
-    """The model with a tube around each bone for a skin, if it has none of its own."""
-    if len(model.rest_vertices):
-        return model
+    """The model with a tube around each bone for a skin: few vertices, any number of them."""
     vertices, faces, weights = [], [], []
     joints = model.rest_joints
     for child in range(1, 21):
@@ -43,6 +41,15 @@ def with_skin(model: HandModel, sides: int = 8, rings: int = 5) -> HandModel:
     )
 
 
+def without_skin(model: HandModel) -> HandModel:
+    return dataclasses.replace(
+        model,
+        rest_vertices=np.empty((0, 3)),
+        faces=np.empty((0, 3), np.int32),
+        weights=np.empty((0, 16)),
+    )
+
+
 def make_track(
     frames: int = 60,
     hand: str = "right",
@@ -59,7 +66,7 @@ def make_track(
     """A hand that opens and closes while it turns, observed with noise, lost for a while."""
     rng = np.random.default_rng(seed)
     model = model or HandModel.default(hand)  # type: ignore[arg-type]
-    model = with_skin(model) if skin else model
+    model = model if skin else without_skin(model)
     t = np.arange(frames) / 30.0
     # fingers bend one after another; abduction swings a little about zero
     phase = 2 * np.pi * 0.4 * t[:, None] - 0.25 * ANGLE_JOINT[None, :] / 4 + seed

@@ -156,6 +156,17 @@ def test_a_later_format(tmp_path: Path) -> None:
         read_mcap(path)
 
 
+def test_the_metadata_is_missing(tmp_path: Path) -> None:
+    def fill(writer: mcap_stream.McapStream) -> None:
+        channel = writer.channel(
+            "/right/event", "protobuf", writer.schema("handtrack.Event", "protobuf", b"")
+        )
+        writer.message(channel, 0, 0, b"")
+
+    with pytest.raises(InputError, match="the metadata record 'handtrack' is missing"):
+        read_mcap(_file(tmp_path / "x.mcap", fill))
+
+
 def _with_states(path: Path, states: list[bytes], model: bytes | None) -> Path:
     def fill(writer: mcap_stream.McapStream) -> None:
         writer.metadata("handtrack", {"format_version": "1"})

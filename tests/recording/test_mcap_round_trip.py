@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_tracks import make_track, with_skin
+from made_tracks import make_track, with_skin, without_skin
 from recording_checks import differences, first_frames
 
 from handtrack.errors import HandtrackError, InputError, SettingsError
@@ -48,8 +48,7 @@ def tracks(draw: st.DrawFn) -> Track:
     model = HandModel.default(hand).scaled(draw(st.floats(0.5, 2)))
     limits = Limits(draw(TEXT), model.limits.lower * 1.25, model.limits.upper / 3)
     model = dataclasses.replace(model, name=draw(TEXT), limits=limits)
-    if draw(st.booleans()):
-        model = with_skin(model, 3, 2)
+    model = with_skin(model, 3, 2) if draw(st.booleans()) else without_skin(model)
     times = draw(st.lists(INT64, min_size=n, max_size=n, unique=True).map(sorted))
     events = st.builds(Event, INT64, st.sampled_from(["info", "warning"]), TEXT)
     return Track(

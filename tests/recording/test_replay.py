@@ -20,7 +20,6 @@ from handtrack.errors import HandtrackError, InputError, SettingsError
 from handtrack.recording.mcap_io import write_mcap
 from handtrack.recording.replay import replay
 from handtrack.recording.rerun_log import log_rerun
-from handtrack.tracking.track import Track
 
 
 def content(path: Path | None) -> dict[str, dict[str, list[Any]]]:
@@ -28,12 +27,16 @@ def content(path: Path | None) -> dict[str, dict[str, list[Any]]]:
     assert path is not None
     found = rrd_columns(path)
     del found["/__properties"]
-    for entity in found.values():
-        del entity["rerun.controls.RowId"]
-    return found
+    # rerun writes chunks in an order of its own
+    return {
+        entity: {name: rows for name, rows in sorted(columns.items()) if "RowId" not in name}
+        for entity, columns in sorted(found.items())
+    }
 
 
-def test_saved_replay_equals_the_track(track: Track, recording: Path, tmp_path: Path) -> None:
+def test_saved_replay_equals_the_track(tmp_path: Path) -> None:
+    track = make_track(25, lost=slice(5, 8))
+    recording = write_mcap(track, tmp_path / "run.mcap")
     replayed = replay(recording, save=tmp_path / "replayed.rrd")
     direct = log_rerun(track, save=tmp_path / "direct.rrd")
     # NaN is not equal to itself

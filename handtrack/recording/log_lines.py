@@ -1,0 +1,39 @@
+"""The lines of a track's log: its events, and the changes of status that no event tells."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from handtrack.tracking.track import Track
+
+
+class Line(NamedTuple):
+    """A line of the log.
+
+    Attributes:
+        time_ns: when, on the sequence's clock [ns].
+        level: "info" or "warning".
+        text: one line.
+    """
+
+    time_ns: int
+    level: str
+    text: str
+
+
+def log_lines(track: Track) -> list[Line]:
+    """All lines in order of time."""
+    lines = [Line(e.time_ns, e.level, e.text) for e in track.events]
+    told = {line.time_ns for line in lines}
+    before = ("fitted", "")
+    states = zip(track.status.tolist(), track.reason.tolist(), strict=True)
+    for frame, time, now in zip(
+        track.frame_index.tolist(), track.time_ns.tolist(), states, strict=True
+    ):
+        if now != before and time not in told:
+            status, reason = now
+            level = "warning" if status == "lost" else "info"
+            text = f"frame {frame}: {status}{f': {reason}' if reason else ''}"
+            lines.append(Line(time, level, text))
+        before = now
+    return sorted(lines, key=lambda line: line.time_ns)
