@@ -34,19 +34,25 @@ _WHERE = {
 __all__ = [*sorted(_WHERE), "__version__", "metrics"]
 
 if TYPE_CHECKING:
-    from handtrack.errors import HandtrackError, InputError, ModelError, SettingsError
-    from handtrack.evaluation import metrics
-    from handtrack.evaluation.stability import stability
-    from handtrack.fitting.bcd import Fit, fit
-    from handtrack.fitting.calibrate import calibrate
-    from handtrack.hand.limits import Limits
-    from handtrack.hand.model import HandModel
-    from handtrack.recording.mcap_io import read_mcap, write_mcap
-    from handtrack.recording.rerun_log import log_rerun
-    from handtrack.sequences.load import load
-    from handtrack.sequences.sequence import Sequence
-    from handtrack.tracking.track import Track
-    from handtrack.tracking.tracker import Tracker, track
+    from handtrack.errors import HandtrackError as HandtrackError
+    from handtrack.errors import InputError as InputError
+    from handtrack.errors import ModelError as ModelError
+    from handtrack.errors import SettingsError as SettingsError
+    from handtrack.evaluation import metrics as metrics
+    from handtrack.evaluation.stability import stability as stability
+    from handtrack.fitting.bcd import Fit as Fit
+    from handtrack.fitting.bcd import fit as fit
+    from handtrack.fitting.calibrate import calibrate as calibrate
+    from handtrack.hand.limits import Limits as Limits
+    from handtrack.hand.model import HandModel as HandModel
+    from handtrack.recording.mcap_io import read_mcap as read_mcap
+    from handtrack.recording.mcap_io import write_mcap as write_mcap
+    from handtrack.recording.rerun_log import log_rerun as log_rerun
+    from handtrack.sequences.load import load as load
+    from handtrack.sequences.sequence import Sequence as Sequence
+    from handtrack.tracking.track import Track as Track
+    from handtrack.tracking.tracker import Tracker as Tracker
+    from handtrack.tracking.tracker import track as track
 
 
 def __getattr__(name: str) -> Any:

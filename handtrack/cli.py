@@ -216,7 +216,7 @@ def stability(
 
         true = _load(truth, hand, unit, order, fps, frames)
         estimates = [s for f in files for s in _load(f, hand, unit, order, fps, frames)]
-        report = stability_of_pairs(estimates, true)
+        report = stability_of_pairs(_pairs(estimates, true, truth))
     else:
         report = ht.stability([t for f in _recordings(files) for t in ht.read_mcap(f)])
     if as_json:
@@ -260,6 +260,24 @@ def _frame_range(text: str | None) -> tuple[int, int] | None:
     if not colon or a > b:
         raise SettingsError(f"--frames {text} is no range, expected A:B, as in 20701:20800")
     return a, b
+
+
+def _pairs(
+    estimates: list[Sequence], truths: list[Sequence], path: Path
+) -> list[tuple[Sequence, Sequence]]:
+    """Every estimate with its truth: the only one, or the one of the same hand or name."""
+    pairs = []
+    for estimate in estimates:
+        fitting = [t for t in truths if len(truths) == 1 or t.hand == estimate.hand]
+        if len(fitting) > 1:
+            fitting = [t for t in fitting if t.name == estimate.name]
+        if len(fitting) != 1:
+            raise InputError(
+                f"{len(fitting)} sequences fit {estimate.name} ({estimate.hand}), expected one",
+                path,
+            )
+        pairs.append((estimate, fitting[0]))
+    return pairs
 
 
 def _recordings(paths: tuple[Path, ...]) -> list[Path]:
@@ -314,4 +332,10 @@ def _progress(total: int, what: str, quiet: bool) -> Iterator[Any]:
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=total)
-        yield lambda _: bar.advance(task)
+        done = 0
+
+        def advance(frames: int) -> None:
+            nonlocal done
+            bar.update(task, completed=done + frames)
+
+        yield advance

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from handtrack.errors import InputError, SettingsError
 from handtrack.fitting import covariance, frames, lanes
 from handtrack.fitting import newton as solve
+from handtrack.fitting.compiled import compile_beside
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
 
@@ -183,9 +184,8 @@ class Results:
         the memory for the next frames (see `frames.fit_frames`).
         """
         state = np.array([memory])
-        limits = model.limits
-        frames.fit_frames(
-            (model.rest_joints, model.axes, limits.lower, limits.upper, 0.0),
+        self._fit(
+            model,
             program.solvers,
             program.settings,
             targets,
@@ -195,6 +195,23 @@ class Results:
             root,
             state,
             min_joints,
+        )
+        return int(state[0])
+
+    def load(self, model: HandModel) -> None:
+        """Have the frame loop's machine code ready, without its solvers."""
+        n = len(self.objective)
+        joints, w = np.zeros((n, N_JOINTS, 3)), np.zeros((n, N_JOINTS))
+        angles, root, state = model.mean_angles, np.zeros(12), np.zeros(1, dtype=np.int64)
+        self._fit(
+            model, (0, 0, 0), (0, 1, 1, 0.0), joints, w, angles, angles.copy(), root, state, 1
+        )
+
+    def _fit(self, model: HandModel, *arguments: Any) -> None:
+        limits = model.limits
+        frames.fit_frames(
+            (model.rest_joints, model.axes, limits.lower, limits.upper, 0.0),
+            *arguments,
             self.angles,
             self.roots,
             self.joints,
@@ -203,7 +220,6 @@ class Results:
             self.state,
             self.covariance,
         )
-        return int(state[0])
 
     def fit(self, t: int, seen: int) -> Fit:
         """Frame t as a Fit, with the noise of its own residual (`seen` joints)."""
@@ -269,6 +285,18 @@ def _start(model: HandModel, start: Fit | ArrayLike | None) -> tuple[Array, Arra
 
 
 def warm_up() -> None:
-    """Load the compiled kernels, or compile them on the machine's first run."""
+    """Load the compiled code, or compile it (on the machine's first run) on two cores."""
+    from handtrack.fitting import descent
+
+    beside = None
+    if not (solve.newton.cached or descent.bcd_exact.cached):
+        beside = compile_beside(
+            {descent.__name__: "bcd_exact", covariance.__name__: "unit_covariance"}
+        )
     model = HandModel.default()
+    ready = [solve.newton.address]
+    Results(0).load(model)
+    if beside is not None:
+        beside.wait()
+    ready += [descent.bcd_exact.address, covariance.unit_covariance.address]
     fit(model, model.rest_joints)

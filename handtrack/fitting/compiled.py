@@ -10,12 +10,17 @@ address, so each is compiled once instead of once more inside each of its caller
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
+from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numba
 from llvmlite import ir
 from numba import types
+from numba.core.caching import FunctionCache
 from numba.extending import intrinsic
 
 # reordering sums is allowed, assuming that NaN never occurs is not
@@ -38,9 +43,32 @@ def inline(function: Callable[..., Any]) -> Any:
     return numba.njit(**options)(function)
 
 
-def solver(function: Callable[..., Any]) -> Any:
-    """Compile a function of the fitter's buffer that is called by its `address`."""
-    return numba.cfunc(types.void(_BUFFER), cache=True, **_OPTIONS)(function)
+class Solver:
+    """A compiled function of the fitter's buffer, called by its `address`."""
+
+    def __init__(self, function: Callable[..., Any]):
+        self.function = function
+        self.__doc__ = function.__doc__
+
+    @cached_property
+    def address(self) -> int:
+        """Where its machine code is; loads it from the cache, or compiles it."""
+        compiled = numba.cfunc(types.void(_BUFFER), cache=True, **_OPTIONS)(self.function)
+        self._keep = compiled  # the code lives as long as this object
+        address: Any = compiled.address
+        return int(address)
+
+    @property
+    def cached(self) -> bool:
+        """Whether its machine code is in the cache on disk."""
+        cache: Any = FunctionCache(self.function)  # type: ignore[no-untyped-call]
+        return any(Path(cache.cache_path).glob(f"*.{self.function.__name__}-*.nbi"))
+
+
+def compile_beside(solvers: dict[str, str]) -> subprocess.Popen[bytes]:
+    """Start compiling solvers, by module, in a second process, into the shared cache."""
+    code = "; ".join(f"import {m}; {m}.{name}.address" for m, name in solvers.items())
+    return subprocess.Popen([sys.executable, "-c", code])
 
 
 @intrinsic

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from handtrack.fitting.compiled import solver
+from handtrack.fitting.compiled import Solver
 from handtrack.fitting.fingers import guess_faces
 from handtrack.fitting.lanes import (
     COVARIANCE,
@@ -48,7 +48,7 @@ from handtrack.fitting.newton import (
 _UNSEEN = 1e7
 
 
-@solver
+@Solver
 def unit_covariance(s):
     """Covariance (26, 26) of the pose at unit noise, from Gauss-Newton's Hessian on the face.
 

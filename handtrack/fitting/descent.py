@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from handtrack.fitting.compiled import inline, solver
+from handtrack.fitting.compiled import Solver, inline
 from handtrack.fitting.lanes import (
     ANGLE_2,
     ANGLE_3,
@@ -407,7 +407,7 @@ def descent(update_finger):
 _descend = descent(finger_pass(saddle_exact, hinge_exact))
 
 
-@solver
+@Solver
 def bcd_exact(s):
     """Algorithm 1 with exact updates, from the pose in the buffer.
 

@@ -95,7 +95,8 @@ def fit_frames(
             overwritten.
         min_joints: a frame with fewer joints is not fitted, nor one with its joints on a
             line; with 1 every frame is.
-        out_*: results of every frame, left as they are where nothing is fitted; iterations (T, 2) are sweeps and steps;
+        out_*: results of every frame, left as they are where nothing is fitted; iterations
+            (T, 2) are sweeps and steps;
             out_covariance (T, 26, 26) at unit noise.
     """
     rest, axes, lower, upper, twist = model

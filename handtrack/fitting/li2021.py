@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from handtrack.fitting.compiled import inline, solver
+from handtrack.fitting.compiled import Solver, inline
 from handtrack.fitting.descent import (
     ZERO3,
     descent,
@@ -81,7 +81,7 @@ def hinge_li2021(n, w, t, a, lower, upper, current):
 _descend = descent(finger_pass(saddle_li2021, hinge_li2021))
 
 
-@solver
+@Solver
 def bcd_li2021(s):
     """Algorithm 1 with the paper's updates; the buffer as for `descent.bcd_exact`."""
     _descend(s)

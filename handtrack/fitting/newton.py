@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from handtrack.fitting.compiled import inline, solver
+from handtrack.fitting.compiled import Solver, inline
 from handtrack.fitting.fingers import guess_faces, inverse_squares, keeps_limits, solve_finger
 from handtrack.fitting.lanes import (
     ANGLE_2,
@@ -324,8 +324,8 @@ def find_step(s):
         size = total = 0.0
         for i in range(6):
             s[RHO + i] += s[CHANGE + i]
-            size += s[CHANGE + i] ** 2
-            total += s[RHO + i] ** 2
+            size += s[CHANGE + i] * s[CHANGE + i]
+            total += s[RHO + i] * s[RHO + i]
         move_along_faces(s, inner == 0)
         solved = False
         for f in range(5):
@@ -389,7 +389,7 @@ def take_step(s, share):
         s[ROOT + 9 + i] = s[ROOT_BEFORE + 9 + i] + dot(r, v)
 
 
-@solver
+@Solver
 def newton(s):
     """Newton steps from the pose in the buffer until the model promises no more.
 
@@ -420,13 +420,13 @@ def newton(s):
             state = CONVERGED
         if state != LIMIT or steps == s[MAX_STEPS]:
             break
-        differentiate(s, second)
-        lift_pivots(s, SOUND_PIVOT)
-        if not find_step(s) and second > 0.0:
-            # far from the solution; Gauss-Newton's model always has a minimum
-            differentiate(s, 0.0)
+        while True:
+            differentiate(s, second)
             lift_pivots(s, SOUND_PIVOT)
-            find_step(s)
+            # far from the solution only Gauss-Newton's model surely has a minimum
+            if find_step(s) or second == 0.0:
+                break
+            second = 0.0
         promise = -slope_of_step(s)
         if not promise > 0.0 or cost < NOTHING:
             state = CONVERGED if promise <= s[TOLERANCE] * cost + NOTHING else STALLED

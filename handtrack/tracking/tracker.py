@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from handtrack import __version__
 from handtrack.errors import InputError, SettingsError
-from handtrack.fitting import bcd
+from handtrack.fitting import bcd, lanes
 from handtrack.fitting.calibrate import calibrate as calibrate_hand
 from handtrack.fitting.calibrate import scale_to
 from handtrack.hand.model import HandModel
@@ -30,8 +30,14 @@ COAST_S = 0.3
 
 # how much of the noise estimate each new frame makes up
 _NOISE_GAIN = 0.1
-# no measurement is better than a tenth of a millimetre
+# no measurement is better than a tenth of a millimetre, or a tenth of a degree
 _NOISE_FLOOR = 1e-8
+_ANGLE_FLOOR = 3e-6
+_DIAGONAL = (np.arange(N_ANGLES), np.arange(N_ANGLES))
+# frames that are fitted at once in a whole sequence
+_CHUNK = 256
+
+_NOTHING = Pose(np.full(N_ANGLES, np.nan), np.full((3, 3), np.nan), np.full(3, np.nan))
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +90,6 @@ class Tracker:
         Raises:
             SettingsError: a value makes no sense.
         """
-        if update not in bcd.UPDATES:
-            raise SettingsError(f"update {update!r} is unknown, expected exact or li2021")
         if not 3 <= min_joints <= N_JOINTS:
             raise SettingsError(f"min_joints is {min_joints}, expected 3..21")
         if not coast_s >= 0:
@@ -98,14 +102,16 @@ class Tracker:
             "coast_s": coast_s,
             "process_noise": process_noise,
         }
+        self._program = bcd.Program(update)
         self._filter = make_filter(filter, model.limits, process_noise)
         self.reset()
 
     def reset(self) -> None:
         """Forget all frames seen, as if the tracker were new."""
         self._filter.reset()
-        self._last: bcd.Fit | None = None
-        self._warm = False
+        self._angles = self.model.mean_angles.copy()
+        self._root = np.zeros(12)
+        self._memory = 0
         self._time_ns: int | None = None
         self._fitted_ns: int | None = None
         self._noise: float | None = None
@@ -119,7 +125,7 @@ class Tracker:
             joints: (21, 3) in the world [m]; NaN = missing. A frame without any joint is an
                 ordinary input.
             time_ns: its time [ns], after the last frame's.
-            confidence: (21,) weights in 0..1; 1 by default.
+            confidence: (21,) weights, not negative; 1 by default.
 
         Returns:
             Poses, errors, status and reason of this frame.
@@ -130,105 +136,137 @@ class Tracker:
         observed = np.array(joints, dtype=np.float64)
         if observed.shape != (N_JOINTS, 3):
             raise InputError(f"joints have shape {observed.shape}, expected (21, 3)")
-        time_ns = int(time_ns)
-        if self._time_ns is not None and time_ns <= self._time_ns:
-            raise InputError(
-                f"time does not increase: the last frame was at {self._time_ns * 1e-9:.6f} s,"
-                f" this one is at {time_ns * 1e-9:.6f} s"
-            )
+        if np.isinf(observed).any():
+            raise InputError("a joint is infinite, expected metres or NaN")
         w = np.ones(N_JOINTS) if confidence is None else np.array(confidence, dtype=np.float64)
+        if w.shape != (N_JOINTS,) or not np.isfinite(w).all() or w.min() < 0:
+            raise InputError("confidence must be 21 finite numbers, none negative")
         observed[np.isnan(observed).any(1)] = np.nan
         w[np.isnan(observed[:, 0])] = 0.0
-        result, reason = self._fit(observed, w)
-        dt = 0.0 if self._time_ns is None else (time_ns - self._time_ns) * 1e-9
-        self._time_ns = time_ns
-        pose = covariance = None
-        if result is not None:
-            pose = Pose(result.angles, result.rotation, result.translation)
-            self._last, self._warm, self._fitted_ns = result, True, time_ns
-            if self.settings["filter"] != "none":
-                covariance = self._covariance(result, w)
-            status = "fitted"
-        elif self._fitted_ns is not None and time_ns - self._fitted_ns <= self._coast_ns:
-            self._warm = False
-            status = "predicted"
-        else:
-            self._warm = False
-            self._filter.reset()
-            status = "lost"
-        filtered = self._filter.step(dt, pose, covariance)
-        if filtered is None:
-            status = "lost"
-        return self._frame(time_ns, observed, w, result, filtered, status, reason)
+        return self._advance(np.array([int(time_ns)]), observed[None], w[None])[0]
 
-    @property
-    def _coast_ns(self) -> int:
-        return int(self.settings["coast_s"] * 1e9)
-
-    def _fit(self, observed: Array, w: Array) -> tuple[bcd.Fit | None, str]:
-        seen = int((w > 0).sum())
-        least = self.settings["min_joints"]
-        if seen < least:
-            return None, f"{seen} of 21 joints observed, {least} needed"
-        update = self.settings["update"]
-        starts: list[bcd.Fit | None] = [self._last]
-        if not self._warm and self._last is not None:
-            starts.append(None)
-        fits = [bcd.fit(self.model, observed, start=s, weights=w, update=update) for s in starts]
-        best = min(fits, key=lambda f: f.objective)
-        if best.status == "underdetermined":
-            return None, "the observed joints lie on a line"
-        return best, "" if best.status == "converged" else best.status
-
-    def _covariance(self, result: bcd.Fit, w: Array) -> Array:
-        """(26, 26) of the fitted pose, at the noise that the residuals of late show."""
-        free = max(3 * int((w > 0).sum()) - N_ANGLES - 6, 1)
-        noise = max(result.objective / free, _NOISE_FLOOR)
-        if self._noise is not None:
-            noise = self._noise + _NOISE_GAIN * (noise - self._noise)
-        self._noise = noise
-        return bcd.covariance(self.model, result, w, noise)
+    def _advance(self, time_ns: NDArray[np.int64], observed: Array, w: Array) -> list[TrackedFrame]:
+        """Track the next frames: (T,), (T, 21, 3) with NaN, (T, 21)."""
+        if self._time_ns is not None and time_ns[0] <= self._time_ns:
+            raise InputError(
+                f"time does not increase: the last frame was at {self._time_ns * 1e-9:.6f} s,"
+                f" this one is at {time_ns[0] * 1e-9:.6f} s"
+            )
+        results = bcd.Results(len(time_ns))
+        self._memory = results.run(
+            self._program,
+            self.model,
+            np.nan_to_num(observed),
+            w,
+            self._angles,
+            self._root,
+            self._memory,
+            self.settings["min_joints"],
+        )
+        quaternions = matrix_to_quaternion(results.roots[:, :9].reshape(-1, 3, 3))
+        seen = (w > 0).sum(1)
+        noise = bcd.residual_noise(results.objective, seen)
+        variance = np.diagonal(results.covariance, axis1=1, axis2=2)[:, :N_ANGLES]
+        variance = variance * noise[:, None]
+        return [
+            self._frame(
+                int(time_ns[t]),
+                observed[t],
+                w[t],
+                results,
+                t,
+                quaternions[t],
+                variance[t],
+                float(noise[t]),
+                int(seen[t]),
+            )
+            for t in range(len(time_ns))
+        ]
 
     def _frame(
         self,
         time_ns: int,
         observed: Array,
         w: Array,
-        result: bcd.Fit | None,
-        filtered: Pose | None,
-        status: str,
-        reason: str,
+        results: bcd.Results,
+        t: int,
+        quaternion: Array,
+        variance: Array,
+        noise: float,
+        seen: int,
     ) -> TrackedFrame:
-        nothing = Pose(np.full(N_ANGLES, np.nan), np.full((3, 3), np.nan), np.full(3, np.nan))
-        no_joints = np.full((N_JOINTS, 3), np.nan)
-        raw = nothing
-        if result is not None:
-            raw = Pose(result.angles, result.rotation, result.translation)
-        pose = nothing if filtered is None else filtered
-        q_raw = matrix_to_quaternion(raw.rotation)
-        same = pose is raw or filtered is None or self.settings["filter"] == "none"
+        state = int(results.state[t])
+        fitted = bool(np.isfinite(results.objective[t]))
+        reason = ""
+        if state == lanes.TOO_FEW:
+            reason = f"{seen} of 21 joints observed, {self.settings['min_joints']} needed"
+        elif state == lanes.UNDERDETERMINED:
+            reason = "the observed joints lie on a line"
+        elif state != lanes.CONVERGED:
+            reason = bcd.STATUS[state]
+        raw = Pose(results.angles[t], results.roots[t, :9].reshape(3, 3), results.roots[t, 9:])
+        filtered: Pose | None = raw
+        if self.settings["filter"] != "none":
+            filtered = self._filtered(time_ns, raw if fitted else None, results, t, noise)
+        elif not fitted:
+            filtered = None
+        if fitted:
+            status = "fitted"
+        else:
+            status = "lost" if filtered is None else "predicted"
+            variance = np.full(N_ANGLES, np.inf)
+        self._time_ns = time_ns
+        joints = results.joints[t]
+        if filtered is None:
+            pose, q, filtered_joints = _NOTHING, np.full(4, np.nan), np.full((N_JOINTS, 3), np.nan)
+        elif filtered is raw:
+            pose, q, filtered_joints = raw, quaternion, joints
+        else:
+            pose = filtered
+            q = matrix_to_quaternion(pose.rotation)
+            filtered_joints = self.model.joints(*pose)
         return TrackedFrame(
             time_ns=time_ns,
             observed=observed,
             confidence=w,
             angles_raw=raw.angles,
             angles=pose.angles,
-            quaternion_raw=q_raw,
-            quaternion=q_raw if same else matrix_to_quaternion(pose.rotation),
+            quaternion_raw=quaternion,
+            quaternion=q,
             translation_raw=raw.translation,
             translation=pose.translation,
-            fitted_joints=no_joints if result is None else result.joints,
-            filtered_joints=(
-                (no_joints if result is None else result.joints)
-                if same
-                else self.model.joints(*pose)
-            ),
-            angle_variance=np.full(N_ANGLES, np.inf) if result is None else result.variance,
-            objective=float("nan") if result is None else result.objective,
-            sweeps=0 if result is None else result.sweeps,
+            fitted_joints=joints,
+            filtered_joints=filtered_joints,
+            angle_variance=variance,
+            objective=float(results.objective[t]),
+            sweeps=int(results.iterations[t].sum()),
             status=status,
             reason=reason,
         )
+
+    def _filtered(
+        self, time_ns: int, raw: Pose | None, results: bcd.Results, t: int, noise: float
+    ) -> Pose | None:
+        """What the filter makes of a frame; None where it has coasted for too long."""
+        covariance = None
+        if raw is not None:
+            self._fitted_ns = time_ns
+            noise = max(noise, _NOISE_FLOOR)
+            if self._noise is not None:
+                noise = self._noise + _NOISE_GAIN * (noise - self._noise)
+            self._noise = noise
+            covariance = results.covariance[t] * noise
+            # an angle that a limit holds is not known to the last digit either
+            covariance[_DIAGONAL] += _ANGLE_FLOOR
+        elif self._fitted_ns is None or time_ns - self._fitted_ns > self._coast_ns:
+            self._filter.reset()
+            return None
+        dt = 0.0 if self._time_ns is None else (time_ns - self._time_ns) * 1e-9
+        return self._filter.step(dt, raw, covariance)
+
+    @property
+    def _coast_ns(self) -> int:
+        return int(self.settings["coast_s"] * 1e9)
 
 
 def track(
@@ -250,7 +288,7 @@ def track(
         calibrate: take bone lengths and palm from the sequence; else the model is only
             scaled to it.
         filter, update, min_joints, coast_s, process_noise: as in `Tracker`.
-        progress: called with the number of frames done, after each one.
+        progress: called with the number of frames done, now and then.
 
     Returns:
         The track, with the hand as calibrated.
@@ -268,19 +306,22 @@ def track(
         )
     calibration = (calibrate_hand if calibrate else scale_to)(model, sequence)
     tracker = Tracker(calibration.model, filter, update, min_joints, coast_s, process_noise)
-    frames = []
+    frames: list[TrackedFrame] = []
+    for t in range(0, len(sequence), _CHUNK):
+        part = slice(t, t + _CHUNK)
+        frames += tracker._advance(
+            sequence.time_ns[part], sequence.joints[part], sequence.confidence[part]
+        )
+        if progress is not None:
+            progress(len(frames))
     events = [Event(int(sequence.time_ns[0]), "warning", note) for note in sequence.notes]
     before = ""
-    for t in range(len(sequence)):
-        frame = tracker.step(sequence.joints[t], int(sequence.time_ns[t]), sequence.confidence[t])
-        frames.append(frame)
+    for frame in frames:
         if frame.status != before:
             level = "info" if frame.status == "fitted" else "warning"
             text = f"{frame.status}: {frame.reason}" if frame.reason else frame.status
             events.append(Event(frame.time_ns, level, text))
             before = frame.status
-        if progress is not None:
-            progress(t + 1)
     settings = {
         **tracker.settings,
         "calibrate": calibrate,
