@@ -184,6 +184,8 @@ class Results:
         the memory for the next frames (see `frames.fit_frames`).
         """
         state = np.array([memory])
+        # one type of array: compiled code is made anew for read-only ones
+        targets, weights = np.array(targets), np.array(weights)
         self._fit(
             model,
             program.solvers,
