@@ -185,7 +185,7 @@ class Results:
         """
         state = np.array([memory])
         # one type of array: compiled code is made anew for read-only ones
-        targets, weights = np.array(targets), np.array(weights)
+        targets, weights = np.array(targets, order="C"), np.array(weights, order="C")
         self._fit(
             model,
             program.solvers,

@@ -48,7 +48,7 @@ class Sequence:
 
     def __post_init__(self) -> None:
         where = self.source or None
-        joints = np.array(self.joints, dtype=np.float64)
+        joints = np.array(self.joints, dtype=np.float64, order="C")
         if joints.ndim != 3 or joints.shape[1:] != (N_JOINTS, 3):
             raise InputError(f"joints have shape {joints.shape}, expected (frames, 21, 3)", where)
         n = len(joints)
