@@ -24,7 +24,7 @@ METHODS: tuple[Method, Method] = ("newton", "bcd")
 N_POSE = N_ANGLES + 6
 
 MAX_SWEEPS = 1000
-TOLERANCE = 1e-6
+TOLERANCE = 1e-5
 # sweeps before the Newton steps of a cold start, and the steps at most
 COLD_SWEEPS = 2
 MAX_STEPS = 100

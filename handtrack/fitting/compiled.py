@@ -10,10 +10,11 @@ address, so each is compiled once instead of once more inside each of its caller
 
 from __future__ import annotations
 
+import hashlib
 import subprocess
 import sys
 from collections.abc import Callable
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -31,15 +32,34 @@ _OPTIONS: Any = {
 _BUFFER = types.Array(types.float64, 1, "C")
 
 
+def _versioned(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function under a name that holds a digest of all compiled sources.
+
+    numba looks for changes only in the file that a function stands in, by size and time; the
+    name keeps machine code of other versions of its callees out.
+    """
+    function.__qualname__ = f"{function.__qualname__}_{_sources()}"
+    return function
+
+
+@cache
+def _sources() -> str:
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls, without the GIL."""
     options: Any = {"no_cfunc_wrapper": True, **_OPTIONS}
-    return numba.njit(cache=True, nogil=True, **options)(function)
+    return numba.njit(cache=True, nogil=True, **options)(_versioned(function))
 
 
 def inline(function: Callable[..., Any]) -> Any:
     """Compile a function that other compiled code calls; small ones are inlined."""
-    options: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, **_OPTIONS}
+    wrappers = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    options: Any = {"forceinline": True, **wrappers, **_OPTIONS}
     return numba.njit(**options)(function)
 
 
@@ -47,7 +67,7 @@ class Solver:
     """A compiled function of the fitter's buffer, called by its `address`."""
 
     def __init__(self, function: Callable[..., Any]):
-        self.function = function
+        self.function = _versioned(function)
         self.__doc__ = function.__doc__
 
     @cached_property
@@ -61,8 +81,8 @@ class Solver:
     @property
     def cached(self) -> bool:
         """Whether its machine code is in the cache on disk."""
-        cache: Any = FunctionCache(self.function)  # type: ignore[no-untyped-call]
-        return any(Path(cache.cache_path).glob(f"*.{self.function.__name__}-*.nbi"))
+        stored: Any = FunctionCache(self.function)  # type: ignore[no-untyped-call]
+        return any(Path(stored.cache_path).glob(f"*.{self.function.__qualname__}-*.nbi"))
 
 
 def compile_beside(solvers: dict[str, str]) -> subprocess.Popen[bytes]:

@@ -31,7 +31,10 @@ from handtrack.fitting.lanes import (
     P_1,
     P_2,
     P_3,
-    ROWS,
+    R_0,
+    R_1,
+    R_2,
+    R_3,
     SYSTEM,
     buffer_rotation,
     differentiate,
@@ -86,15 +89,14 @@ def unit_covariance(s):
     answer = np.zeros((20, 6))
     solved = np.zeros(4)
     for f in range(5):
-        r = ROWS + 4 * LANES * f
         l01, l02, l03 = s[L_01 + f], s[L_02 + f], s[L_03 + f]
         l12, l13, l23 = s[L_12 + f], s[L_13 + f], s[L_23 + f]
         d0, d1, d2, d3 = s[P_0 + f], s[P_1 + f], s[P_2 + f], s[P_3 + f]
         c, n = s[NORMAL_Z + f], s[NORMAL_Y + f]
         for j in range(10):
             if j < 6:
-                v0, v1 = s[r + j], s[r + LANES + j]
-                v2, v3 = s[r + 2 * LANES + j], s[r + 3 * LANES + j]
+                k = j * LANES + f
+                v0, v1, v2, v3 = s[R_0 + k], s[R_1 + k], s[R_2 + k], s[R_3 + k]
             else:
                 # a unit vector of one angle, on the face and through L^-1
                 v0 = (c if j == 6 else (n if j == 7 else 0.0)) * s[FREE_N + f]

@@ -61,16 +61,18 @@ L_01, L_02, L_03, L_12, L_13, L_23 = range(163 * LANES, 169 * LANES, LANES)
 # the step, and the angles before it
 STEP_Z, STEP_Y, STEP_2, STEP_3 = range(169 * LANES, 173 * LANES, LANES)
 BEFORE = 173 * LANES
+# the rows through L^-1, and each finger's share of the root's equations (6 x 7)
+R_0, R_1, R_2, R_3 = range(177 * LANES, 205 * LANES, ROW)
+SCHUR = 205 * LANES
 # after the lanes. An equation of the root takes eight places: six unknowns, the gradient,
-# the least sound pivot. So does an angle's row (coupling, gradient) through L^-1
-ROOT = 177 * LANES
+# the least sound pivot
+ROOT = 247 * LANES
 ROOT_BEFORE = ROOT + 12
 RHO = ROOT_BEFORE + 12
 CHANGE = RHO + 8
 SYSTEM = CHANGE + 8
-ROWS = SYSTEM + 6 * LANES
 # settings and results of the solvers, and the pose's covariance (26 x 26)
-MAX_SWEEPS, MAX_STEPS, TOLERANCE, LOSS, SPREAD2 = range(ROWS + 20 * LANES, ROWS + 20 * LANES + 5)
+MAX_SWEEPS, MAX_STEPS, TOLERANCE, LOSS, SPREAD2 = range(SYSTEM + 6 * LANES, SYSTEM + 6 * LANES + 5)
 OBJECTIVE, SWEEPS, STEPS, STATE = range(SPREAD2 + 1, SPREAD2 + 5)
 COVARIANCE = STATE + 1
 SIZE = COVARIANCE + 26 * 26

@@ -55,6 +55,10 @@ from handtrack.fitting.lanes import (
     P_1,
     P_2,
     P_3,
+    R_0,
+    R_1,
+    R_2,
+    R_3,
     RHO,
     ROOT,
     ROOT_BEFORE,
@@ -67,7 +71,7 @@ from handtrack.fitting.lanes import (
     ROW_3,
     ROW_Y,
     ROW_Z,
-    ROWS,
+    SCHUR,
     STALLED,
     STATE,
     STEP_2,
@@ -151,23 +155,23 @@ def factor_faces(s):
         s[P_0 + f], s[P_1 + f], s[P_2 + f], s[P_3 + f] = d0, d1, d2, d3
         s[L_01 + f], s[L_02 + f], s[L_03 + f] = l01, l02, l03
         s[L_12 + f], s[L_13 + f], s[L_23 + f] = l12, l13, l23
-    for f in range(5):
+    for f in range(LANES):
         m0, m1, m2, m3 = s[FREE_N + f], s[FREE_T + f], s[FREE_2 + f], s[FREE_3 + f]
         c, n = s[NORMAL_Z + f], s[NORMAL_Y + f]
         l01, l02, l03 = s[L_01 + f], s[L_02 + f], s[L_03 + f]
         l12, l13, l23 = s[L_12 + f], s[L_13 + f], s[L_23 + f]
-        r = ROWS + 4 * LANES * f
         for i in range(7):
-            z, y = s[ROW_Z + i * LANES + f], s[ROW_Y + i * LANES + f]
+            k = i * LANES + f
+            z, y = s[ROW_Z + k], s[ROW_Y + k]
             v0, v1 = (c * z + n * y) * m0, (c * y - n * z) * m1
-            v2, v3 = s[ROW_2 + i * LANES + f] * m2, s[ROW_3 + i * LANES + f] * m3
+            v2, v3 = s[ROW_2 + k] * m2, s[ROW_3 + k] * m3
             v1 -= l01 * v0
             v2 -= l02 * v0 + l12 * v1
             v3 -= l03 * v0 + l13 * v1 + l23 * v2
-            s[r + i] = v0
-            s[r + LANES + i] = v1
-            s[r + 2 * LANES + i] = v2
-            s[r + 3 * LANES + i] = v3
+            s[R_0 + k] = v0
+            s[R_1 + k] = v1
+            s[R_2 + k] = v2
+            s[R_3 + k] = v3
 
 
 @inline
@@ -177,16 +181,15 @@ def move_along_faces(s, from_gradient):
     From the gradient: the step itself; else the answer is added to the step.
     """
     s[CHANGE + 6] = 1.0 if from_gradient else 0.0
-    s[CHANGE + 7] = 0.0
     keep = 1.0 - s[CHANGE + 6]
-    for f in range(5):
-        r = ROWS + 4 * LANES * f
+    for f in range(LANES):
         v0 = v1 = v2 = v3 = 0.0
-        for j in range(LANES):
-            v0 += s[r + j] * s[CHANGE + j]
-            v1 += s[r + LANES + j] * s[CHANGE + j]
-            v2 += s[r + 2 * LANES + j] * s[CHANGE + j]
-            v3 += s[r + 3 * LANES + j] * s[CHANGE + j]
+        for i in range(7):
+            x, k = s[CHANGE + i], i * LANES + f
+            v0 += s[R_0 + k] * x
+            v1 += s[R_1 + k] * x
+            v2 += s[R_2 + k] * x
+            v3 += s[R_3 + k] * x
         # L^T x = - D^-1 v
         x3 = -v3 * s[P_3 + f]
         x2 = -v2 * s[P_2 + f] - s[L_23 + f] * x3
@@ -245,27 +248,29 @@ def add_model_gradient(s):
                 g += s[ROW_Z + a * ROW + i * LANES + f] * s[STEP_Z + a * LANES + f]
         s[SYSTEM + i * LANES + 6] += g
     # the fingers' own gradients are answered already
-    for r in range(20):
-        s[ROWS + r * LANES + 6] = 0.0
-
-
-@inline
-def eight(s, i):
-    """Eight neighbours of the buffer."""
-    return (s[i], s[i + 1], s[i + 2], s[i + 3], s[i + 4], s[i + 5], s[i + 6], s[i + 7])
+    for f in range(LANES):
+        s[R_0 + G + f] = s[R_1 + G + f] = s[R_2 + G + f] = s[R_3 + G + f] = 0.0
 
 
 @inline
 def eliminate_fingers(s):
     """The Schur complement: take B^T H^-1 (B, gradient) of every finger from SYSTEM."""
-    for f in range(5):
-        for a in range(4):
-            r = eight(s, ROWS + (4 * f + a) * LANES)
-            d = s[P_0 + a * LANES + f]
-            for i in range(6):
-                v = d * r[i]
-                for j in range(7):
-                    s[SYSTEM + i * LANES + j] -= v * r[j]
+    for f in range(LANES):
+        p0, p1, p2, p3 = s[P_0 + f], s[P_1 + f], s[P_2 + f], s[P_3 + f]
+        for i in range(6):
+            k = i * LANES + f
+            v0, v1, v2, v3 = p0 * s[R_0 + k], p1 * s[R_1 + k], p2 * s[R_2 + k], p3 * s[R_3 + k]
+            for j in range(i, 7):
+                k = j * LANES + f
+                h = v0 * s[R_0 + k] + v1 * s[R_1 + k] + v2 * s[R_2 + k] + v3 * s[R_3 + k]
+                s[SCHUR + 7 * LANES * i + k] = h
+    for i in range(6):
+        for j in range(i, 7):
+            k = SCHUR + (7 * i + j) * LANES
+            h = s[k] + s[k + 1] + s[k + 2] + s[k + 3] + s[k + 4]
+            s[SYSTEM + i * LANES + j] -= h
+            if j < 6:
+                s[SYSTEM + j * LANES + i] = s[SYSTEM + i * LANES + j]
 
 
 @inline
@@ -282,10 +287,11 @@ def solve_root(s):
             sound = False
             d = s[row_k + 7]
         s[row_k + k] = d
+        inverse = 1.0 / d
         for i in range(k + 1, 6):
             row_i = SYSTEM + i * LANES
-            v = s[row_i + k] / d
-            for j in range(7):
+            v = s[row_k + i] * inverse
+            for j in range(i, 7):
                 s[row_i + j] -= v * s[row_k + j]
     for i in range(5, -1, -1):
         row_i = SYSTEM + i * LANES
