@@ -21,6 +21,7 @@ _WHERE = {
     "load": "sequences.load",
     "Fit": "fitting.bcd",
     "fit": "fitting.bcd",
+    "fit_batch": "fitting.batch",
     "calibrate": "fitting.calibrate",
     "Tracker": "tracking.tracker",
     "track": "tracking.tracker",
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from handtrack.errors import SettingsError as SettingsError
     from handtrack.evaluation import metrics as metrics
     from handtrack.evaluation.stability import stability as stability
+    from handtrack.fitting.batch import fit_batch as fit_batch
     from handtrack.fitting.bcd import Fit as Fit
     from handtrack.fitting.bcd import fit as fit
     from handtrack.fitting.calibrate import calibrate as calibrate

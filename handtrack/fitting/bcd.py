@@ -20,6 +20,13 @@ Update = Literal["exact", "li2021"]
 Method = Literal["newton", "bcd"]
 UPDATES: tuple[Update, Update] = ("exact", "li2021")
 METHODS: tuple[Method, Method] = ("newton", "bcd")
+Robust = Literal["none", "huber", "geman-mcclure"]
+LOSSES: dict[str, int] = {
+    "none": lanes.NO_LOSS,
+    "huber": lanes.HUBER,
+    "geman-mcclure": lanes.GEMAN_MCCLURE,
+}
+SPREAD_MM = 10.0
 
 N_POSE = N_ANGLES + 6
 
@@ -80,6 +87,9 @@ def fit(
     weights: ArrayLike | None = None,
     update: Update = "exact",
     method: Method = "newton",
+    robust: Robust = "none",
+    spread_mm: float = SPREAD_MM,
+    starts: int = 1,
     max_sweeps: int = MAX_SWEEPS,
     tolerance: float = TOLERANCE,
 ) -> Fit:
@@ -95,6 +105,10 @@ def fit(
             Procrustes, Euler angles and projection (always plain Algorithm 1).
         method: "newton", sweeps of Algorithm 1 and then Newton steps on the hand's structure
             to the constrained optimum; or "bcd", Algorithm 1 alone.
+        robust: loss of a joint's distance: "none" (squared), "huber" or "geman-mcclure",
+            which give joints that are far off little weight, or next to none.
+        spread_mm: distance at which the robust loss bends [mm].
+        starts: how many poses to start from: the start and random ones; the best fit is kept.
         max_sweeps: sweeps of plain Algorithm 1 at most.
         tolerance: stop when a sweep, or a step's promise, improves the objective by less than
             this share of it.
@@ -117,11 +131,17 @@ def fit(
         raise SettingsError("max_sweeps must be at least 1 and tolerance at least 0")
     targets, w = observations(joints, weights)
     angles, root = _start(model, start)
-    program = Program(update, method, max_sweeps, tolerance)
-    results = Results(1)
-    memory = 2 if isinstance(start, Fit) else 0
-    results.run(program, model, targets[None], w[None], angles, root, memory, 1)
-    return results.fit(0, int((w > 0).sum()))
+    program = Program(update, method, robust, spread_mm, max_sweeps, tolerance)
+    rng = np.random.default_rng(0)
+    fits = []
+    for i in range(starts):
+        if i > 0:
+            angles = model.limits.clamp(rng.uniform(model.limits.lower, model.limits.upper))
+        results = Results(1)
+        memory = 2 if isinstance(start, Fit) and i == 0 else 0
+        results.run(program, model, targets[None], w[None], angles, root, memory, 1)
+        fits.append(results.fit(0, int((w > 0).sum())))
+    return min(fits, key=lambda f: f.objective)
 
 
 class Program:
@@ -131,19 +151,24 @@ class Program:
         self,
         update: Update = "exact",
         method: Method = "newton",
+        robust: Robust = "none",
+        spread_mm: float = SPREAD_MM,
         max_sweeps: int = MAX_SWEEPS,
         tolerance: float = TOLERANCE,
     ):
         """As in `fit`.
 
         Raises:
-            SettingsError: an unknown update or method, or limits of the iteration that make
-                no sense.
+            SettingsError: an unknown update, method or loss, or numbers that make no sense.
         """
         if update not in UPDATES:
             raise SettingsError(f"update {update!r} is unknown, expected exact or li2021")
         if method not in METHODS:
             raise SettingsError(f"method {method!r} is unknown, expected newton or bcd")
+        if robust not in LOSSES:
+            raise SettingsError(f"robust {robust!r} is unknown, expected {', '.join(LOSSES)}")
+        if not 0 < spread_mm < np.inf:
+            raise SettingsError(f"spread_mm is {spread_mm}, expected a positive number")
         if max_sweeps < 1 or not tolerance >= 0:
             raise SettingsError("max_sweeps must be at least 1 and tolerance at least 0")
         if update == "exact":
@@ -152,20 +177,35 @@ class Program:
             from handtrack.fitting.li2021 import bcd_li2021 as bcd
         newton = solve.newton.address if (update, method) == ("exact", "newton") else 0
         self.solvers = (bcd.address, newton, covariance.unit_covariance.address)
-        self.settings = (COLD_SWEEPS, max_sweeps, MAX_STEPS, tolerance)
+        # reweighting converges linearly: let it come as near
+        share = tolerance if robust == "none" else 1e-2 * tolerance
+        self.settings = (
+            COLD_SWEEPS,
+            max_sweeps,
+            MAX_STEPS,
+            share,
+            LOSSES[robust],
+            1e-3 * spread_mm,
+        )
 
 
 class Results:
     """The arrays that `frames.fit_frames` writes, for T frames; NaN where nothing is fitted."""
 
-    def __init__(self, n: int):
+    def __init__(self, n: int, full: bool = True):
+        """Args:
+        n: how many frames.
+        full: whether covariances are wanted, or only variances.
+        """
+        self.full = full
         self.angles = np.full((n, N_ANGLES), np.nan)
         self.roots = np.full((n, 12), np.nan)
         self.joints = np.full((n, N_JOINTS, 3), np.nan)
         self.objective = np.full(n, np.nan)
         self.iterations = np.zeros((n, 2), dtype=np.int64)
         self.state = np.zeros(n, dtype=np.int64)
-        self.covariance = np.full((n, N_POSE, N_POSE), np.nan)
+        self.variance = np.full((n, N_POSE), np.nan)
+        self.covariance = np.full((n if full else 0, N_POSE, N_POSE), np.nan)
 
     def run(
         self,
@@ -177,11 +217,13 @@ class Results:
         root: Array,
         memory: int,
         min_joints: int,
+        alone: bool = False,
     ) -> int:
         """Fit the frames, each from the one before; angles and root are overwritten.
 
-        A cold start begins at `angles` with memory 0, else at the model's mean pose. Returns
-        the memory for the next frames (see `frames.fit_frames`).
+        A cold start begins at `angles` with memory 0, else at the model's mean pose; alone,
+        every frame is a cold start at `angles`. Returns the memory for the next frames (see
+        `frames.fit_frames`).
         """
         state = np.array([memory])
         # one type of array: compiled code is made anew for read-only ones
@@ -189,7 +231,7 @@ class Results:
         self._fit(
             model,
             program.solvers,
-            program.settings,
+            (*program.settings, int(alone), int(self.full)),
             targets,
             weights,
             angles.copy() if memory == 0 else model.mean_angles,
@@ -206,13 +248,22 @@ class Results:
         joints, w = np.zeros((n, N_JOINTS, 3)), np.zeros((n, N_JOINTS))
         angles, root, state = model.mean_angles, np.zeros(12), np.zeros(1, dtype=np.int64)
         self._fit(
-            model, (0, 0, 0), (0, 1, 1, 0.0), joints, w, angles, angles.copy(), root, state, 1
+            model,
+            (0, 0, 0),
+            (0, 1, 1, 0.0, 0, 0.0, 0, 0),
+            joints,
+            w,
+            angles,
+            angles.copy(),
+            root,
+            state,
+            1,
         )
 
     def _fit(self, model: HandModel, *arguments: Any) -> None:
         limits = model.limits
         frames.fit_frames(
-            (model.rest_joints, model.axes, limits.lower, limits.upper, 0.0),
+            (model.rest_joints, model.axes, limits.lower, limits.upper, model.thumb_twist),
             *arguments,
             self.angles,
             self.roots,
@@ -220,6 +271,7 @@ class Results:
             self.objective,
             self.iterations,
             self.state,
+            self.variance,
             self.covariance,
         )
 

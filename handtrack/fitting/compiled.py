@@ -59,7 +59,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 def inline(function: Callable[..., Any]) -> Any:
     """Compile a function that other compiled code calls; small ones are inlined."""
     wrappers = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    options: Any = {"forceinline": True, **wrappers, **_OPTIONS}
+    options: Any = {**wrappers, **_OPTIONS}
     return numba.njit(**options)(function)
 
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from handtrack.fitting.compiled import Solver
+from handtrack.fitting.compiled import Solver, inline
 from handtrack.fitting.fingers import guess_faces
 from handtrack.fitting.lanes import (
     COVARIANCE,
@@ -18,6 +18,7 @@ from handtrack.fitting.lanes import (
     FREE_3,
     FREE_N,
     FREE_T,
+    FULL,
     L_01,
     L_02,
     L_03,
@@ -51,13 +52,27 @@ from handtrack.fitting.newton import (
 _UNSEEN = 1e7
 
 
+@inline
+def hide_unseen(s, out):
+    """Infinite variance for the angles that nothing observes."""
+    for f in range(5):
+        for i in range(4):
+            g = s[(D_Z if i == 0 else (D_Y if i == 1 else (D_2 if i == 2 else D_3))) + f]
+            k = 4 * f + i
+            if g <= 0.0 or not out[k, k] < _UNSEEN:
+                for j in range(26):
+                    out[k, j] = out[j, k] = 0.0
+                out[k, k] = math.inf
+
+
 @Solver
 def unit_covariance(s):
     """Covariance (26, 26) of the pose at unit noise, from Gauss-Newton's Hessian on the face.
 
     Order: angles, a turn of the world on the left of the rotation, translation. What a limit
     holds has no variance; what nothing observes has infinite variance and no covariance.
-    Places the pose in the buffer; the covariance goes to COVARIANCE.
+    Places the pose in the buffer; the covariance goes to COVARIANCE. Only the variances of
+    the angles where FULL in the buffer is 0.
     """
     out = s[COVARIANCE : COVARIANCE + 676].reshape(26, 26)
     place(s)
@@ -123,6 +138,12 @@ def unit_covariance(s):
         for j in range(6):
             for k in range(6):
                 turned[i, j] += answer[i, k] * a[k, 6 + j]
+    if s[FULL] == 0.0:
+        for i in range(20):
+            for k in range(6):
+                out[i, i] += turned[i, k] * answer[i, k]
+        hide_unseen(s, out)
+        return
     for i in range(20):
         for j in range(20):
             for k in range(6):
@@ -148,11 +169,4 @@ def unit_covariance(s):
                 for k in range(3):
                     w += rot[i][k] * v[k]
                 out[20 + 3 * h + i, j] = w
-    for f in range(5):
-        for i in range(4):
-            g = s[(D_Z if i == 0 else (D_Y if i == 1 else (D_2 if i == 2 else D_3))) + f]
-            k = 4 * f + i
-            if g <= 0.0 or not out[k, k] < _UNSEEN:
-                for j in range(26):
-                    out[k, j] = out[j, k] = 0.0
-                out[k, k] = math.inf
+    hide_unseen(s, out)

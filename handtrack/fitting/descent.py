@@ -1,7 +1,8 @@
 """Block coordinate descent (Li et al. 2021, Algorithm 1), on the fitter's buffer.
 
 The blocks here are constrained minimisers, so no sweep raises the objective; the paper's own
-updates are in `li2021.py`.
+updates are in `li2021.py`. Under a robust loss the joints are reweighted before every block,
+by the slope of the loss, which keeps that true (the loss is concave in the squared distance).
 """
 
 from __future__ import annotations
@@ -20,6 +21,10 @@ from handtrack.fitting.lanes import (
     B2,
     B3,
     CONVERGED,
+    L1,
+    L2,
+    L3,
+    L4,
     LANES,
     LIMIT,
     LOW_2,
@@ -42,10 +47,6 @@ from handtrack.fitting.lanes import (
     UP_Y,
     UP_Z,
     VECTOR,
-    W1,
-    W2,
-    W3,
-    W4,
     X1,
     X2,
     Y2,
@@ -303,7 +304,7 @@ def finger_pass(update_saddle, update_hinge):
     def update_finger(s, f):
         nz, ny, n2, n3 = get(s, NZ + f), get(s, NY + f), get(s, N2 + f), get(s, N3 + f)
         x1, b1, b2, b3 = get(s, X1 + f), get(s, B1 + f), get(s, B2 + f), get(s, B3 + f)
-        w1, w2, w3 = s[W2 + f], s[W3 + f], s[W4 + f]
+        w1, w2, w3 = s[L2 + f], s[L3 + f], s[L4 + f]
         y1, y2, y3 = get(s, Y2 + f), get(s, Y3 + f), get(s, Y4 + f)
         if w1 + w2 + w3 <= 0.0:
             return
@@ -349,7 +350,7 @@ def update_root(s):
     for j in range(4):
         x = X1 if j == 0 else X2 + (j - 1) * VECTOR
         for f in range(6):
-            w = s[W1 + j * LANES + f]
+            w = s[L1 + j * LANES + f]
             total += w
             a0 = add(a0, scale(w, get(s, x + f)))
             b0 = add(b0, scale(w, get(s, T1 + j * VECTOR + f)))
@@ -360,7 +361,7 @@ def update_root(s):
         x = X1 if j == 0 else X2 + (j - 1) * VECTOR
         for f in range(6):
             b = sub(get(s, T1 + j * VECTOR + f), b0)
-            m = outer_sum(m, s[W1 + j * LANES + f], b, sub(get(s, x + f), a0))
+            m = outer_sum(m, s[L1 + j * LANES + f], b, sub(get(s, x + f), a0))
     r = procrustes(m)
     t = sub(b0, apply(r, a0))
     for i in range(3):

@@ -13,10 +13,13 @@ import numpy as np
 from handtrack.fitting.compiled import call, inline, kernel
 from handtrack.fitting.lanes import (
     COVARIANCE,
+    FULL,
+    LOSS,
     MAX_STEPS,
     MAX_SWEEPS,
     OBJECTIVE,
     SIZE,
+    SPREAD2,
     STALLED,
     STATE,
     STEPS,
@@ -79,6 +82,7 @@ def fit_frames(
     out_objective,
     out_iterations,
     out_state,
+    out_variance,
     out_covariance,
 ):
     """Fit frame after frame, each from the one before.
@@ -87,7 +91,9 @@ def fit_frames(
         model: (rest joints (21, 3), axes (20, 3), lower (20,), upper (20,), twist).
         solvers: addresses of Algorithm 1, of the Newton steps (0: Algorithm 1 alone) and of
             the covariance.
-        settings: (sweeps of a cold start, sweeps at most, steps at most, tolerance).
+        settings: (sweeps of a cold start, sweeps at most, steps at most, tolerance, robust loss,
+            its spread [m], 1 where every frame starts anew from `mean`, 1 for the full
+            covariance or 0 for the variances of the angles alone).
         targets: (T, 21, 3); weights: (T, 21), 0 where a joint is missing.
         mean: (20,) the pose of a cold start.
         angles, root: (20,), (12,) the last fitted pose; overwritten.
@@ -97,17 +103,22 @@ def fit_frames(
             line; with 1 every frame is.
         out_*: results of every frame, left as they are where nothing is fitted; iterations
             (T, 2) are sweeps and steps;
-            out_covariance (T, 26, 26) at unit noise.
+            out_variance (T, 26) and out_covariance (T, 26, 26) at unit noise.
     """
     rest, axes, lower, upper, twist = model
     descend, newton, covariance = solvers
-    cold_sweeps, max_sweeps, max_steps, tolerance = settings
+    cold_sweeps, max_sweeps, max_steps, tolerance, loss, spread, alone, full = settings
     s = np.zeros(SIZE)
     load_model(s, rest, axes, lower, upper, twist)
     s[MAX_STEPS] = max_steps
+    s[FULL] = full
+    s[LOSS] = loss
+    s[SPREAD2] = spread * spread
     best_angles = np.empty(20)
     best_root = np.empty(12)
     for t in range(len(targets)):
+        if alone:
+            memory[0] = 0
         seen = 0
         for k in range(21):
             if weights[t, k] > 0.0:
@@ -157,5 +168,7 @@ def fit_frames(
         out_iterations[t, 1] = s[STEPS]
         out_state[t] = UNDERDETERMINED if line else state
         for i in range(26):
-            for j in range(26):
-                out_covariance[t, i, j] = s[COVARIANCE + 26 * i + j]
+            out_variance[t, i] = s[COVARIANCE + 27 * i]
+            if full:
+                for j in range(26):
+                    out_covariance[t, i, j] = s[COVARIANCE + 26 * i + j]

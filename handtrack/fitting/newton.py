@@ -422,7 +422,8 @@ def newton(s):
                 state = CONVERGED if promise <= 1e-9 * cost + NOTHING else STALLED
             continue
         cost = new
-        if share == 1.0 and promise <= s[TOLERANCE] * cost + NOTHING:
+        # a full step squares the error; a shortened one may be rounding's
+        if promise <= (s[TOLERANCE] if share == 1.0 else 1e-9) * cost + NOTHING:
             state = CONVERGED
         if state != LIMIT or steps == s[MAX_STEPS]:
             break

@@ -51,6 +51,8 @@ class HandModel:
         rest_vertices: (V, 3) skin at rest [m]; V = 0 for a skeleton without a skin.
         faces: (F, 3) triangles, counter-clockwise from outside.
         weights: (V, 16) skinning weights of the moving parts; rows sum to one.
+        thumb_twist: how far the thumb turns about its own first bone for each radian of its
+            abduction (the paper's internal rotation R_in, with its constant alpha).
         licensed: the skin comes from files that may not be passed on.
 
     Raises:
@@ -66,6 +68,7 @@ class HandModel:
     rest_vertices: Array
     faces: NDArray[np.int32]
     weights: Array
+    thumb_twist: float = 0.0
     licensed: bool = False
 
     def __post_init__(self) -> None:
@@ -95,6 +98,8 @@ class HandModel:
             raise ModelError(f"model {self.name}: the bone to joint {short[0] + 1} has no length")
         if np.abs(np.linalg.norm(self.axes, axis=1) - 1).max() > 1e-6:
             raise ModelError(f"model {self.name}: axes must be of unit length")
+        if not np.isfinite(self.thumb_twist):
+            raise ModelError(f"model {self.name}: thumb_twist must be finite")
         if n and np.abs(self.weights.sum(1) - 1).max() > 1e-4:
             raise ModelError(f"model {self.name}: skinning weights must sum to one per vertex")
         if len(self.faces) and not 0 <= self.faces.min() <= self.faces.max() < n:
@@ -151,6 +156,11 @@ class HandModel:
         for f in range(5):
             a, part = 4 * f, 1 + 3 * f
             out[..., part, :, :] = single[..., a, :, :] @ single[..., a + 1, :, :]  # eq. 2
+            if f == 0 and self.thumb_twist:
+                # the turned bone's axis on the left is the resting bone's on the right
+                bone = self.rest_joints[2] - self.rest_joints[1]
+                inner = about_axis(bone / np.linalg.norm(bone), self.thumb_twist * angles[..., 1])
+                out[..., part, :, :] = out[..., part, :, :] @ inner
             for i in (1, 2):
                 out[..., part + i, :, :] = (  # eq. 1 and 4
                     out[..., part + i - 1, :, :] @ single[..., a + 1 + i, :, :]

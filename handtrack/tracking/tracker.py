@@ -152,7 +152,7 @@ class Tracker:
                 f"time does not increase: the last frame was at {self._time_ns * 1e-9:.6f} s,"
                 f" this one is at {time_ns[0] * 1e-9:.6f} s"
             )
-        results = bcd.Results(len(time_ns))
+        results = bcd.Results(len(time_ns), full=self.settings["filter"] != "none")
         self._memory = results.run(
             self._program,
             self.model,
@@ -166,8 +166,7 @@ class Tracker:
         quaternions = matrix_to_quaternion(results.roots[:, :9].reshape(-1, 3, 3))
         seen = (w > 0).sum(1)
         noise = bcd.residual_noise(results.objective, seen)
-        variance = np.diagonal(results.covariance, axis1=1, axis2=2)[:, :N_ANGLES]
-        variance = variance * noise[:, None]
+        variance = results.variance[:, :N_ANGLES] * noise[:, None]
         return [
             self._frame(
                 int(time_ns[t]),

@@ -73,7 +73,7 @@ def test_li2021_is_table_1_number_by_number():
     checked = set()
     for joints, *degrees in TABLE_1:
         for joint in joints:
-            z, *y = np.flatnonzero(ANGLE_JOINT == joint)
+            z, *y = np.flatnonzero(joint == ANGLE_JOINT)
             assert np.rad2deg([limits.lower[z], limits.upper[z]]) == pytest.approx(degrees[:2])
             checked.add(int(z))
             assert len(y) == (degrees[2] is not None)

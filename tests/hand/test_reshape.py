@@ -62,9 +62,9 @@ def test_one_factor_is_a_scaled_hand(model, factor):
 
 
 def test_a_shift_of_the_root_frame_shifts_the_skin(model):
-    out = reshaped(model, model.rest_joints + [0.1, -0.2, 0.3])
-    expected = model.rest_vertices + [0.1, -0.2, 0.3]
-    assert np.allclose(out.rest_vertices, expected, rtol=0, atol=1e-12)
+    shift = np.array([0.1, -0.2, 0.3])
+    out = reshaped(model, model.rest_joints + shift)
+    assert np.allclose(out.rest_vertices, model.rest_vertices + shift, rtol=0, atol=1e-12)
 
 
 def test_skin_on_a_bone_goes_with_both_its_ends(model):
@@ -169,7 +169,6 @@ def test_impossible_hands_are_refused(model):
         reshaped(model, new)
     with pytest.raises(ModelError, match="shape"):
         reshaped(model, new[:20])
-    assert len(BASES) == 5  # the palm needs all of its joints
     new = np.array(model.rest_joints)
     new[BASES[2]] = new[0]
     with pytest.raises(ModelError, match="joint 9 has no length"):

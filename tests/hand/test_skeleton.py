@@ -83,7 +83,7 @@ def test_parents_make_five_chains_from_the_wrist():
     assert PARENTS.tolist() == [
         -1, 0, 1, 2, 3, 0, 5, 6, 7, 0, 9, 10, 11, 0, 13, 14, 15, 0, 17, 18, 19,
     ]  # fmt: skip
-    assert BONES == tuple((int(PARENTS[k]), k) for k in range(1, 21))
+    assert list(BONES) == [(PARENTS[k], k) for k in range(1, 21)]
     assert BASES.tolist() == [1, 5, 9, 13, 17]
     assert TIPS.tolist() == [4, 8, 12, 16, 20]
     assert PALM.tolist() == [0, 1, 5, 9, 13, 17]

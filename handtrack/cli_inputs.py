@@ -1,0 +1,164 @@
+"""What the command line reads: joint sequences, recordings, and what belongs together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+import click
+
+from handtrack.errors import InputError, SettingsError
+
+if TYPE_CHECKING:
+    from handtrack import Sequence
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+
+
+class Reading(NamedTuple):
+    """How to read joint sequences: the values of `reading_options`."""
+
+    hand: str = "auto"
+    unit: str | None = None
+    order: str | None = None
+    fps: float | None = None
+    frames: str | None = None
+
+    def load(self, path: Path, quiet: bool = False) -> list[Sequence]:
+        """The sequences of a file or folder; what the user should know of them is printed."""
+        import handtrack as ht
+
+        sequences = ht.load(
+            path,
+            hand=None if self.hand == "auto" else self.hand,
+            unit=self.unit,
+            order=self.order,
+            fps=self.fps,
+            frames=self.frame_range,
+        )
+        for sequence in sequences if not quiet else ():
+            for note in sequence.notes:
+                click.echo(f"warning: {sequence.name}: {note}", err=True)
+        return sequences
+
+    @property
+    def frame_range(self) -> tuple[int, int] | None:
+        """First and last frame.
+
+        Raises:
+            SettingsError: it is no range.
+        """
+        if self.frames is None:
+            return None
+        start, colon, stop = self.frames.partition(":")
+        try:
+            a, b = int(start), int(stop)
+        except ValueError:
+            a, b = 0, -1
+        if not colon or a > b:
+            raise SettingsError(
+                f"--frames {self.frames} is no range, expected A:B, as in 20701:20800"
+            )
+        return a, b
+
+
+def reading_options(command: _Command) -> _Command:
+    """Give a command the options that make a `Reading`."""
+    for option in (
+        click.option("--fps", type=float, help="Frame rate, instead of the file's times."),
+        click.option("--order", metavar="NAME", help="Joint order, where the file does not say."),
+        click.option("--unit", type=click.Choice(["m", "cm", "mm"]), help="Unit of the joints."),
+        click.option(
+            "--hand",
+            type=click.Choice(["auto", "left", "right", "swap"]),
+            default="auto",
+            help="Which hand it is, or which to take of two; swap exchanges the labels.",
+        ),
+        click.option("--frames", metavar="A:B", help="Only source frames A to B, both included."),
+    ):
+        command = option(command)
+    return command
+
+
+def recordings(paths: tuple[Path, ...]) -> list[Path]:
+    """The recordings that are named, or in the folders that are named.
+
+    Raises:
+        InputError: something is not there, or a folder has none.
+    """
+    found: list[Path] = []
+    for path in paths:
+        if not path.exists():
+            raise InputError("no such file or folder", path)
+        inside = sorted(path.rglob("*.mcap")) if path.is_dir() else [path]
+        if not inside:
+            raise InputError("no .mcap recording in this folder", path)
+        found += inside
+    return found
+
+
+def pairs(
+    files: tuple[Path, ...], truth: Path, reading: Reading
+) -> list[tuple[Sequence, Sequence]]:
+    """Every estimate in the files with its truth: the only one, or that of its hand and name.
+
+    Raises:
+        InputError: none or several truths fit an estimate, or something cannot be read.
+    """
+    # a file that holds both observed and true joints is asked for the true ones
+    truths = [s if s.truth is None else replace(s, joints=s.truth) for s in reading.load(truth)]
+    found = []
+    for estimate in (s for file in files for s in _estimates(file, reading)):
+        fitting = [t for t in truths if len(truths) == 1 or t.hand == estimate.hand]
+        if len(fitting) > 1:
+            fitting = [t for t in fitting if _same_name(t.name, estimate.name)]
+        if len(fitting) != 1:
+            raise InputError(
+                f"{len(fitting)} sequences fit {estimate.name} ({estimate.hand}), expected one",
+                truth,
+            )
+        found.append((estimate, fitting[0]))
+    return found
+
+
+def _same_name(a: str, b: str) -> bool:
+    """Whether two names mean the same: "clip person0 left" and "person0_left" do."""
+    short, long = sorted((name.replace("_", " ").lower() for name in (a, b)), key=len)
+    return f" {long}".endswith(f" {short}")
+
+
+def _estimates(path: Path, reading: Reading) -> list[Sequence]:
+    """The joints to measure: a recording's output, or a joint sequence as it is."""
+    import handtrack as ht
+
+    if not _is_recording(path):
+        return reading.load(path)
+    estimates = [
+        ht.Sequence(
+            time_ns=track.time_ns,
+            joints=track.filtered_joints,
+            hand=track.hand,
+            frame_index=track.frame_index,
+            name=track.name,
+            source=str(path),
+        )
+        for track in ht.read_mcap(path)
+        if reading.hand in ("auto", track.hand)
+    ]
+    frames = reading.frame_range
+    return estimates if frames is None else [s.frames(*frames) for s in estimates]
+
+
+def _is_recording(path: Path) -> bool:
+    """Whether it is one of ours, and not another MCAP file with joints."""
+    from handtrack.recording.mcap_walk import Walk
+    from handtrack.recording.mcap_write import METADATA
+
+    if path.suffix != ".mcap" or not path.is_file():
+        return False
+    walk = Walk(path)
+    # our metadata stands before the first message
+    next(walk.messages(lambda schema: True), None)
+    return METADATA in walk.metadata
