@@ -118,7 +118,7 @@ def track(
     as_json: bool,
     quiet: bool,
     **reading: Any,
-) -> int:
+) -> None:
     """Fit a hand to every frame of a joint sequence and record the result.
 
     INPUT is a file or a folder: CMU Panoptic, .npz / .npy / .csv / .json / .jsonl, FPHA, Leap
@@ -151,12 +151,15 @@ def track(
                 start = time.perf_counter()
                 try:
                     model = ht.HandModel.default(sequence.hand, limits)
-                    made.append(ht.track(sequence, model, progress=progress.frames, **settings))
-                except InputError as error:
+                    result = ht.track(sequence, model, progress=progress.frames, **settings)
+                    _check_fitted(result)
+                except HandtrackError as error:
                     # a hand that is hardly seen must not take the others with it
                     left_out.append(f"{sequence.name}: left out: {error}")
                     if len(left_out) == len(sequences):
                         raise
+                else:
+                    made.append(result)
                 seconds += time.perf_counter() - start
                 progress.next(len(sequence))
             if made:
@@ -184,9 +187,6 @@ def track(
             folders = dict.fromkeys(str(path.parent) for path in written)
             where = f"{len(written)} files in {' and '.join(folders)}"
         click.echo(f"tracked {frames:,} frames at {frames / seconds:,.0f} frames/s -> {where}")
-    if all((t.status == "lost").all() for t in tracks):
-        return _failed(f"{input}: no frame could be fitted", 1)
-    return 0
 
 
 @cli.command(short_help="Show recordings in Rerun.")
@@ -270,6 +270,16 @@ def stability(files: tuple[Path, ...], truth: Path | None, as_json: bool, **read
         click.echo(to_json(report))
     else:
         print_table(report)
+
+
+def _check_fitted(track: Track) -> None:
+    """Refuse a track of which nothing is there.
+
+    Raises:
+        HandtrackError: every frame is lost.
+    """
+    if (track.status == "lost").all():
+        raise HandtrackError(f"{track.source}: no frame could be fitted: {track.reason[0]}")
 
 
 def _write(tracks: list[Track], job: Job, mesh: bool, progress: Progress) -> None:

@@ -76,6 +76,7 @@ def hand_message(track: Track) -> bytes:
     out = message.model
     out.name, out.hand, out.licensed = text(model.name), model.hand, model.licensed
     out.limits_name = text(model.limits.name)
+    out.thumb_twist = model.thumb_twist
     out.limits_lower.extend(model.limits.lower)
     out.limits_upper.extend(model.limits.upper)
     out.rest_joints.extend(model.rest_joints.ravel())

@@ -187,5 +187,6 @@ def _model(message: Any) -> HandModel:
         rows("rest_vertices", 3),
         faces.astype(np.int32),
         rows("weights", N_PARTS),
+        thumb_twist=message.thumb_twist,
         licensed=message.licensed,
     )

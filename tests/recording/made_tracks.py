@@ -35,6 +35,7 @@ def with_skin(model: HandModel, sides: int = 8, rings: int = 5) -> HandModel:
                 faces += [[a, b, a + sides], [b, b + sides, a + sides]]
     return dataclasses.replace(
         model,
+        thumb_twist=0.125,
         rest_vertices=np.concatenate(vertices),
         faces=np.array(faces, np.int32),
         weights=np.concatenate(weights),
