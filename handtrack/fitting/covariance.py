@@ -6,6 +6,12 @@ import math
 
 import numpy as np
 
+from handtrack.fitting.arrowhead import (
+    eliminate_fingers,
+    factor_faces,
+    lift_pivots,
+    root_hessian,
+)
 from handtrack.fitting.compiled import Solver, inline
 from handtrack.fitting.fingers import guess_faces
 from handtrack.fitting.lanes import (
@@ -40,12 +46,6 @@ from handtrack.fitting.lanes import (
     buffer_rotation,
     differentiate,
     place,
-)
-from handtrack.fitting.newton import (
-    eliminate_fingers,
-    factor_faces,
-    lift_pivots,
-    root_hessian,
 )
 
 # variance at unit noise that stands for "not observed" [rad^2/m^2]

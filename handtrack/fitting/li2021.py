@@ -8,15 +8,8 @@ from __future__ import annotations
 import math
 
 from handtrack.fitting.compiled import Solver, inline
-from handtrack.fitting.descent import (
-    ZERO3,
-    descent,
-    finger_pass,
-    inside_ellipse,
-    outer_sum,
-    procrustes,
-    semi_axis,
-)
+from handtrack.fitting.descent import descent, finger_pass, inside_ellipse, semi_axis
+from handtrack.fitting.procrustes import ZERO3, outer_sum, procrustes
 from handtrack.fitting.vectors import apply, cross, dot, scale, sub
 
 
