@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from handtrack.evaluation.stability import Spread, Stability, StabilityReport
+from handtrack.evaluation.results import Spread, Stability, StabilityReport
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -10,11 +10,11 @@ from fit_cases import (
     distances,
     ellipse_value,
     jacobian,
+    moved_joints,
     objective,
     some_poses,
 )
 from scipy.optimize import minimize
-from scipy.spatial.transform import Rotation
 
 from handtrack.fitting.bcd import fit
 from handtrack.hand.limits import PRESETS
@@ -92,27 +92,36 @@ def general_solver(model: HandModel, joints: np.ndarray, found) -> float:
     limits, rng = model.limits, np.random.default_rng(6)
     scale = 1e6  # squared metres are small numbers for a general solver
 
-    def place(x):
-        turn = Rotation.from_rotvec(x[20:23]).as_matrix()
-        return model.joints(x[:20], turn, x[23:])
+    def residuals(steps: np.ndarray) -> np.ndarray:
+        placed = moved_joints(model, found.angles, found.rotation, found.translation, steps)
+        return (placed - joints).reshape(len(steps), 63)
 
+    def value(x: np.ndarray) -> tuple[float, np.ndarray]:
+        h = 1e-6 * np.eye(26)
+        r = residuals(np.concatenate([x[None], x + h, x - h]))
+        squares = scale * np.square(r).sum(-1)
+        return squares[0], (squares[1:27] - squares[27:]) / 2e-6
+
+    def room(x: np.ndarray) -> np.ndarray:
+        return 1 - ellipse_value(limits, found.angles + x[:20])
+
+    box = [(-np.inf, np.inf)] * 26
+    for a in HINGES:
+        box[a] = (limits.lower[a] - found.angles[a], limits.upper[a] - found.angles[a])
     best = np.inf
-    vector = Rotation.from_matrix(found.rotation).as_rotvec()
-    for spread in (0.0, 0.02, 0.2):
+    for spread in (0.0, 0.15):
         angles = limits.clamp(found.angles + spread * rng.normal(size=20))
-        x = np.concatenate([angles, vector + spread * rng.normal(size=3), found.translation])
-        box = [(-np.inf, np.inf)] * 26
-        for a in HINGES:
-            box[a] = (limits.lower[a], limits.upper[a])
+        x = np.concatenate([angles - found.angles, spread * rng.normal(size=3), np.zeros(3)])
         answer = minimize(
-            lambda x: scale * np.square(place(x) - joints).sum(),
+            value,
             x,
+            jac=True,
             bounds=box,
-            constraints={"type": "ineq", "fun": lambda x: 1 - ellipse_value(limits, x[:20])},
+            constraints={"type": "ineq", "fun": room},
             method="SLSQP",
-            options={"maxiter": 400, "ftol": 1e-9},
+            options={"maxiter": 300, "ftol": 1e-8},
         )
-        if (ellipse_value(limits, answer.x[:20]) < 1 + 1e-7).all():
+        if (room(answer.x) > -1e-8).all():
             best = min(best, answer.fun / scale)
     return best
 
@@ -120,11 +129,12 @@ def general_solver(model: HandModel, joints: np.ndarray, found) -> float:
 @pytest.mark.parametrize("preset", PRESETS)
 def test_a_general_solver_finds_nothing_better(preset):
     model = HandModel.default("right", preset)
-    for joints in some_poses(model, 4, 0.008, seed=7).joints:
+    for joints in some_poses(model, 3, 0.008, seed=7).joints:
         found = fit(model, joints, tolerance=1e-9)
         best = general_solver(model, joints, found)
-        assert best < np.inf
-        assert found.objective <= best * (1 + 1e-6)
+        # SLSQP works, and its slack in the constraints gains next to nothing
+        assert found.objective * (1 - 1e-5) < best < found.objective * 1.1
+        assert found.objective <= best * (1 + 1e-5)
 
 
 def residual_gradient(model: HandModel, found, joints, weights) -> tuple[np.ndarray, np.ndarray]:
