@@ -100,6 +100,6 @@ def fit_batch(
         translation=roots[:, 9:],
         joints=join("joints"),
         objective=objective,
-        variance=join("variance")[:, :N_ANGLES] * noise[:, None],
+        variance=bcd.at_noise(join("variance")[:, :N_ANGLES], noise[:, None]),
         status=status,
     )

@@ -285,7 +285,7 @@ class Results:
             objective=float(self.objective[t]),
             sweeps=int(self.iterations[t, 0]),
             steps=int(self.iterations[t, 1]),
-            covariance=self.covariance[t] * residual_noise(self.objective[t], seen),
+            covariance=at_noise(self.covariance[t], residual_noise(self.objective[t], seen)),
             status=STATUS[int(self.state[t])],
         )
 
@@ -298,6 +298,12 @@ def residual_noise(objective: Any, seen: Any) -> Any:
         seen: joints that were fitted, which leave 3 seen - 26 degrees of freedom.
     """
     return objective / np.maximum(3 * seen - N_POSE, 1)
+
+
+def at_noise(unit: Array, noise: Any) -> Array:
+    """Covariances or variances at unit noise, scaled; what is infinite stays so."""
+    unseen = np.isinf(unit)
+    return np.where(unseen, np.inf, np.where(unseen, 0.0, unit) * noise)
 
 
 def observations(joints: ArrayLike, weights: ArrayLike | None) -> tuple[Array, Array]:

@@ -166,7 +166,7 @@ class Tracker:
         quaternions = matrix_to_quaternion(results.roots[:, :9].reshape(-1, 3, 3))
         seen = (w > 0).sum(1)
         noise = bcd.residual_noise(results.objective, seen)
-        variance = results.variance[:, :N_ANGLES] * noise[:, None]
+        variance = bcd.at_noise(results.variance[:, :N_ANGLES], noise[:, None])
         return [
             self._frame(
                 int(time_ns[t]),
@@ -254,7 +254,7 @@ class Tracker:
             if self._noise is not None:
                 noise = self._noise + _NOISE_GAIN * (noise - self._noise)
             self._noise = noise
-            covariance = results.covariance[t] * noise
+            covariance = bcd.at_noise(results.covariance[t], noise)
             # an angle that a limit holds is not known to the last digit either
             covariance[_DIAGONAL] += _ANGLE_FLOOR
         elif self._fitted_ns is None or time_ns - self._fitted_ns > self._coast_ns:

@@ -64,27 +64,28 @@ def test_both_exact_methods_end_at_one_optimum(preset):
     for joints in poses.joints:
         plain = fit(model, joints, method="bcd", max_sweeps=20_000, tolerance=1e-10)
         newton = fit(model, joints)
-        assert newton.objective <= plain.objective * (1 + 1e-5) or newton.objective > 0
         same += abs(newton.objective / plain.objective - 1) < 1e-5
+    # they may end in different local minima, which is rare at 5 mm
     assert same >= 39
 
 
 # ---- the constrained optimum ----
 
 
-@pytest.mark.parametrize(("sigma", "share"), [(0.002, 0.995), (0.005, 0.995), (0.010, 0.98)])
 @pytest.mark.parametrize("preset", PRESETS)
-def test_no_start_finds_a_better_optimum(sigma, share, preset):
+def test_no_start_finds_a_better_optimum(preset):
     model = HandModel.default("right", preset)
     rng = np.random.default_rng(5)
-    poses = some_poses(model, 100, sigma, seed=int(1e4 * sigma))
-    reached = []
-    for joints in poses.joints:
-        starts = rng.uniform(model.limits.lower, model.limits.upper, (10, 20))
-        best = min(fit(model, joints, start=s, tolerance=1e-9).objective for s in starts)
-        reached.append(fit(model, joints).objective <= best * (1 + 1e-5))
-    # of 100 poses one may miss where 99.5 % must not
-    assert np.mean(reached) >= np.floor(100 * share) / 100
+    reached = {}
+    for sigma in (0.002, 0.005, 0.010):
+        reached[sigma] = []
+        for joints in some_poses(model, 150, sigma, seed=int(1e4 * sigma)).joints:
+            starts = rng.uniform(model.limits.lower, model.limits.upper, (10, 20))
+            best = min(fit(model, joints, start=s, tolerance=1e-9).objective for s in starts)
+            reached[sigma].append(fit(model, joints).objective <= best * (1 + 1e-5))
+    to_5 = reached[0.002] + reached[0.005]
+    assert np.mean(to_5) >= 0.995
+    assert np.mean(to_5 + reached[0.010]) >= 0.98
 
 
 def general_solver(model: HandModel, joints: np.ndarray, found) -> float:
@@ -146,13 +147,21 @@ def residual_gradient(model: HandModel, found, joints, weights) -> tuple[np.ndar
     return j.T @ (w * r), j.T @ (w[:, None] * j)
 
 
-@pytest.mark.parametrize("hand", HANDS)
+_FALSELY_CONVERGED = pytest.mark.xfail(
+    strict=True, reason="newton() calls a step whose promise is negative converged"
+)
+
+
+@pytest.mark.parametrize(
+    ("sigma", "n"), [(0.005, 60), pytest.param(0.02, 250, marks=_FALSELY_CONVERGED)]
+)
 @pytest.mark.parametrize("preset", PRESETS)
-def test_nothing_inside_the_limits_goes_downhill_from_the_fit(hand, preset):
-    model = HandModel.default(hand, preset)
+def test_nothing_inside_the_limits_goes_downhill_from_the_fit(preset, sigma, n):
     rng = np.random.default_rng(8)
     held = 0
-    for i, joints in enumerate(some_poses(model, 60, 0.005, seed=9).joints):
+    for i, hand in enumerate(HANDS * (n // 2)):
+        model = HandModel.default(hand, preset)
+        joints = some_poses(model, 1, sigma, seed=i).joints[0]
         weights = rng.uniform(0.3, 1, 21)
         if i % 3 == 0:
             joints[rng.choice(np.arange(1, 21), 4, replace=False)] = np.nan
@@ -165,7 +174,7 @@ def test_nothing_inside_the_limits_goes_downhill_from_the_fit(hand, preset):
         back = model.limits.clamp(found.angles - g[:20] / length)
         assert np.abs(length * (back - found.angles)).max() < 1e-5 * scale[:20].max()
         held += np.abs(g[:20]).max() > 1e-2 * scale[:20].max()
-    assert held > 20  # limits were at work
+    assert held > n // 3  # limits were at work
 
 
 @pytest.mark.parametrize("update", ["exact", "li2021"])

@@ -76,7 +76,7 @@ def test_gradient_and_exact_hessian(hand, where, twist):
         s = loaded(model, joints, weights, angles, rotation, translation, twist)
         value, g, h = derivatives(s, 1.0)
         zero = np.zeros((1, N_POSE))
-        assert value == pytest.approx(half_objective(twist, c, zero)[0], rel=1e-11)
+        assert value == pytest.approx(half_objective(twist, c, zero)[0], rel=1e-11, abs=0)
         numeric = gradient_by_differences(lambda d, c=c: half_objective(twist, c, d))
         assert np.abs(g - numeric).max() < 1e-9
         assert np.abs(g).max() > 1e-4
@@ -118,7 +118,15 @@ def test_kinematics_of_the_buffer_are_the_models(limits):
         placed = model.joints(angles, rotation, shift)
         assert np.allclose(forward(model, angles[None])[0] @ rotation.T + shift, placed, atol=1e-13)
         expected = (weights * np.square(placed - joints).sum(-1)).sum()
-        assert place(s) == pytest.approx(expected, rel=1e-13)
+        assert place(s) == pytest.approx(expected, rel=1e-12, abs=0)
+
+
+@pytest.mark.parametrize("hand", HANDS)
+def test_the_thumbs_twist_is_the_models(hand):
+    model = replace(HandModel.default(hand), thumb_twist=0.4)
+    angles = np.random.default_rng(4).uniform(-1, 1, (20, 20))
+    assert np.allclose(model.joints(angles), forward(model, angles, 0.4), rtol=0, atol=1e-14)
+    assert np.abs(model.joints(angles) - forward(model, angles)).max() > 1e-3
 
 
 def test_targets_without_weight_are_not_read():
@@ -155,5 +163,5 @@ def test_objective_and_gradient_of_robust_losses(loss, seed):
         return 0.5 * (weights * softened(q, loss, spread)).sum(-1)
 
     value, g, _ = derivatives(s, 0.0)
-    assert value == pytest.approx(half(np.zeros((1, N_POSE)))[0], rel=1e-11)
+    assert value == pytest.approx(half(np.zeros((1, N_POSE)))[0], rel=1e-11, abs=0)
     assert np.abs(g - gradient_by_differences(half)).max() < 1e-9
