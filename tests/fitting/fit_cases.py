@@ -13,7 +13,8 @@ import numpy as np
 from numba import njit
 from scipy.spatial.transform import Rotation
 
-from handtrack.fitting import descent, fingers, lanes, li2021, newton
+from handtrack.fitting import arrowhead, descent, fingers, lanes, li2021
+from handtrack.fitting import procrustes as kabsch
 from handtrack.hand.limits import Limits
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import ANGLE_JOINT
@@ -137,7 +138,7 @@ def place(s):
 def derive(s, second):
     value = lanes.place(s)
     lanes.differentiate(s, second)
-    newton.root_hessian(s)
+    arrowhead.root_hessian(s)
     return value
 
 
@@ -148,7 +149,7 @@ def solve_finger(s, f):
 
 @njit
 def procrustes(m):
-    return descent.procrustes(m)
+    return kabsch.procrustes(m)
 
 
 @njit

@@ -130,7 +130,7 @@ def general_solver(model: HandModel, joints: np.ndarray, found) -> float:
 @pytest.mark.parametrize("preset", PRESETS)
 def test_a_general_solver_finds_nothing_better(preset):
     model = HandModel.default("right", preset)
-    for joints in some_poses(model, 3, 0.008, seed=7).joints:
+    for joints in some_poses(model, 2, 0.008, seed=7).joints:
         found = fit(model, joints, tolerance=1e-9)
         best = general_solver(model, joints, found)
         # SLSQP works, and its slack in the constraints gains next to nothing

@@ -1,0 +1,33 @@
+"""What tests of several packages share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import handtrack as ht
+
+ROOT = Path(__file__).resolve().parent.parent
+SHARED = ROOT.parent / "shared" / "data"
+
+
+@pytest.fixture(scope="session")
+def sample_file() -> Path:
+    """The recording that ships with the project."""
+    return ROOT / "recordings" / "sample.npz"
+
+
+@pytest.fixture(scope="session")
+def sample(sample_file: Path) -> ht.Sequence:
+    """Its sequence: 300 frames with truth, 2 mm noise, some joints missing, a 10-frame gap."""
+    (sequence,) = ht.load(sample_file)
+    return sequence
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """The real recordings, which are not part of the project."""
+    if not SHARED.is_dir():
+        pytest.skip(f"real data not there: {SHARED}")
+    return SHARED

@@ -1,0 +1,410 @@
+"""The tracker: streams equal sequences, frames that cannot be fitted, what it refuses."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+import handtrack as ht
+from handtrack.hand.rotations import about_axis
+from handtrack.hand.skeleton import N_ANGLES
+from handtrack.tracking import tracker as module
+from handtrack.tracking.tracker import COAST_S, MIN_JOINTS, TrackedFrame
+
+FILTERS = ("none", "kalman")
+FRAME_NS = 33_333_333
+GAPS = (slice(0, 2), slice(100, 101), slice(250, 260), slice(300, 320))
+
+
+@pytest.fixture(scope="module")
+def long(sample) -> ht.Sequence:
+    """600 frames: the sample there and back, with a bad start and gaps, one over frame 256."""
+    joints = np.concatenate([sample.joints, sample.joints[::-1]])
+    for gap in GAPS:
+        joints[gap] = np.nan
+    rng = np.random.default_rng(3)
+    joints[rng.random(joints.shape[:2]) < 0.05] = np.nan
+    joints[400, 5:] = np.nan  # five joints are too few
+    time_ns = np.cumsum(rng.integers(20_000_000, 50_000_000, len(joints)))
+    confidence = rng.uniform(0.2, 1.0, joints.shape[:2])
+    return ht.Sequence(time_ns, joints, confidence, frame_index=np.arange(7, 7 + len(joints)))
+
+
+@pytest.fixture(scope="module", params=FILTERS)
+def tracked(request, long) -> ht.Track:
+    return ht.track(long, filter=request.param)
+
+
+def stream(tracker: ht.Tracker, sequence: ht.Sequence) -> list[TrackedFrame]:
+    return [
+        tracker.step(x, t, c)
+        for x, t, c in zip(sequence.joints, sequence.time_ns, sequence.confidence, strict=True)
+    ]
+
+
+def same(a: object, b: object) -> None:
+    """Equal to the last bit, NaN included."""
+    a, b = np.asarray(a), np.asarray(b)
+    assert a.shape == b.shape
+    assert a.dtype.kind == b.dtype.kind
+    np.testing.assert_array_equal(a, b)
+
+
+def equal_to_track(frames: list[TrackedFrame], track: ht.Track) -> None:
+    assert len(frames) == len(track)
+    for field in fields(TrackedFrame):
+        same([getattr(frame, field.name) for frame in frames], getattr(track, field.name))
+
+
+def test_a_stream_equals_the_sequence_bit_for_bit(tracked, long):
+    tracker = ht.Tracker(tracked.model, filter=tracked.settings["filter"])
+    equal_to_track(stream(tracker, long), tracked)
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 255, 10_000])
+def test_chunks_do_not_show(chunk, tracked, long, monkeypatch):
+    monkeypatch.setattr(module, "_CHUNK", chunk)
+    again = ht.track(long, filter=tracked.settings["filter"])
+    for field in fields(TrackedFrame):
+        same(getattr(again, field.name), getattr(tracked, field.name))
+
+
+def test_reset_makes_it_new(tracked, long):
+    tracker = ht.Tracker(tracked.model, filter=tracked.settings["filter"])
+    stream(tracker, long.frames(150, 280))
+    tracker.reset()
+    equal_to_track(stream(tracker, long), tracked)
+
+
+def test_two_runs_are_one(long):
+    a, b = ht.track(long), ht.track(long)
+    for field in fields(TrackedFrame):
+        same(getattr(a, field.name), getattr(b, field.name))
+
+
+@pytest.mark.parametrize("tracked", ["none"], indirect=True)
+def test_statuses_without_a_filter(tracked, long):
+    enough = (long.present & (long.confidence > 0)).sum(1) >= MIN_JOINTS
+    same(tracked.status, np.where(enough, "fitted", "lost"))
+    assert (tracked.reason[enough] == "").all()
+    assert tracked.reason[100] == "0 of 21 joints observed, 6 needed"
+    assert tracked.reason[400].endswith("of 21 joints observed, 6 needed")
+    lost = tracked.status == "lost"
+    for name in ("angles", "quaternion", "translation", "fitted_joints", "filtered_joints"):
+        values = getattr(tracked, name)
+        assert np.isnan(values[lost]).all()
+        assert np.isfinite(values[~lost]).all()
+    assert np.isnan(tracked.objective[lost]).all()
+    assert np.isinf(tracked.angle_variance[lost]).all()
+
+
+@pytest.mark.parametrize("tracked", ["kalman"], indirect=True)
+def test_a_filter_predicts_short_gaps_and_gives_up_on_long_ones(tracked, long):
+    # nothing is known before the first fit
+    assert (tracked.status[GAPS[0]] == "lost").all()
+    assert tracked.status[100] == "predicted"
+    assert tracked.reason[100] == "0 of 21 joints observed, 6 needed"
+    gap = GAPS[-1]
+    since = (long.time_ns[gap] - long.time_ns[gap.start - 1]) * 1e-9
+    same(tracked.status[gap], np.where(since <= COAST_S, "predicted", "lost"))
+    assert set(tracked.status[gap]) == {"predicted", "lost"}
+    predicted = tracked.status == "predicted"
+    assert np.isnan(tracked.angles_raw[predicted]).all()
+    assert np.isnan(tracked.fitted_joints[predicted]).all()
+    assert np.isfinite(tracked.angles[predicted]).all()
+    assert np.isfinite(tracked.filtered_joints[predicted]).all()
+    assert np.isinf(tracked.angle_variance[predicted]).all()
+    assert np.isnan(tracked.filtered_joints[tracked.status == "lost"]).all()
+
+
+@pytest.mark.parametrize("coast_s", [0.0, 0.1, 10.0])
+def test_how_long_a_filter_predicts_is_a_setting(coast_s, sample):
+    track = ht.track(sample, filter="kalman", coast_s=coast_s)
+    gap = track.status[200:210]
+    predicted = int((gap == "predicted").sum())
+    assert predicted == min(10, int(coast_s * 30))
+    assert (gap[:predicted] == "predicted").all()
+    assert track.status[210] == "fitted"
+
+
+def test_it_recovers_from_a_gap_in_which_everything_changed(sample):
+    """The hand comes back elsewhere, turned round and in another pose."""
+    model = ht.calibrate(ht.HandModel.default("right"), sample).model
+    tracker = ht.Tracker(model)
+    truth = sample.truth
+    assert truth is not None
+    for t in range(30):
+        tracker.step(truth[t], t * FRAME_NS)
+    assert tracker.step(np.full((21, 3), np.nan), 30 * FRAME_NS).status == "lost"
+    turn = about_axis(np.array([0.6, 0.8, 0.0]), np.array(3.0))
+    elsewhere = truth[50] @ turn.T + [2.0, -1.0, 0.5]
+    back = tracker.step(elsewhere, 31 * FRAME_NS)
+    assert back.status == "fitted"
+    assert np.linalg.norm(back.fitted_joints - elsewhere, axis=1).mean() < 0.004
+    alone = ht.Tracker(model).step(elsewhere, 0)
+    np.testing.assert_allclose(back.fitted_joints, alone.fitted_joints, atol=1e-4)
+
+
+def test_nothing_seen_is_an_ordinary_frame(sample):
+    nothing = np.full((21, 3), np.nan)
+    for name in FILTERS:
+        tracker = ht.Tracker(ht.HandModel.default(), filter=name)
+        for t in range(3):
+            frame = tracker.step(nothing, t)
+            assert (frame.status, frame.sweeps) == ("lost", 0)
+        assert tracker.step(sample.joints[0], 3).status == "fitted"
+        no_weight = tracker.step(sample.joints[1], FRAME_NS, np.zeros(21))
+        assert no_weight.status == ("lost" if name == "none" else "predicted")
+        assert no_weight.reason == "0 of 21 joints observed, 6 needed"
+
+
+def test_a_joint_with_a_missing_coordinate_is_missing(sample):
+    half, none = sample.joints[0].copy(), sample.joints[0].copy()
+    half[7, 1] = np.nan
+    none[7] = np.nan
+    a, b = (ht.Tracker(ht.HandModel.default()).step(x, 0) for x in (half, none))
+    for field in fields(TrackedFrame):
+        same(getattr(a, field.name), getattr(b, field.name))
+    assert a.confidence[7] == 0
+
+
+def test_joints_on_a_line_are_told(sample):
+    line = np.zeros((21, 3))
+    line[:, 0] = np.arange(21) * 0.01
+    frame = ht.Tracker(ht.HandModel.default()).step(line, 0)
+    assert frame.reason == "the observed joints lie on a line"
+
+
+@pytest.mark.parametrize("name", FILTERS)
+@pytest.mark.parametrize("late", [FRAME_NS, FRAME_NS - 1, -5])
+def test_time_that_goes_back_is_refused_and_changes_nothing(name, late, sample):
+    tracker, other = (ht.Tracker(ht.HandModel.default(), filter=name) for _ in range(2))
+    for t in range(2):
+        tracker.step(sample.joints[t], t * FRAME_NS)
+        other.step(sample.joints[t], t * FRAME_NS)
+    with pytest.raises(ht.InputError, match=r"time does not increase: .* 0\.033333 s"):
+        tracker.step(sample.joints[2], late)
+    a, b = (x.step(sample.joints[2], 2 * FRAME_NS) for x in (tracker, other))
+    for field in fields(TrackedFrame):
+        same(getattr(a, field.name), getattr(b, field.name))
+
+
+@pytest.mark.parametrize(
+    ("joints", "confidence", "message"),
+    [
+        (np.zeros((20, 3)), None, r"joints have shape \(20, 3\), expected \(21, 3\)"),
+        (np.full((21, 3), np.inf), None, "a joint is infinite"),
+        (np.zeros((21, 3)), np.ones(20), "confidence must be 21"),
+        (np.zeros((21, 3)), np.full(21, -1.0), "none negative"),
+        (np.zeros((21, 3)), np.full(21, np.nan), "finite"),
+    ],
+)
+def test_what_is_no_frame_is_refused(joints, confidence, message, sample):
+    tracker = ht.Tracker(ht.HandModel.default())
+    tracker.step(sample.joints[0], 0)
+    with pytest.raises(ht.InputError, match=message):
+        tracker.step(joints, 1, confidence)
+    assert tracker.step(sample.joints[1], 1).status == "fitted"
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"filter": "x"}, "filter 'x' is unknown, expected one of none, kalman"),
+        ({"update": "x"}, "update 'x' is unknown"),
+        ({"min_joints": 2}, "min_joints is 2"),
+        ({"min_joints": 22}, "min_joints is 22"),
+        ({"coast_s": -1.0}, "coast_s"),
+        ({"coast_s": float("nan")}, "coast_s"),
+        ({"filter": "kalman", "process_noise": 0.0}, "process noise"),
+    ],
+)
+def test_settings_that_make_no_sense(settings, message, sample):
+    with pytest.raises(ht.SettingsError, match=message):
+        ht.Tracker(ht.HandModel.default(), **settings)
+    with pytest.raises(ht.SettingsError, match=message):
+        ht.track(sample, **settings)
+
+
+def test_a_model_of_the_other_hand_is_refused(sample):
+    with pytest.raises(ht.InputError, match="the model is a left hand, the sequence a right one"):
+        ht.track(sample, ht.HandModel.default("left"))
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_arguments_stay_as_they_are(name, long):
+    model = ht.HandModel.default("right")
+    arrays = {f.name: getattr(model, f.name) for f in fields(model)}
+    before = {k: v.copy() for k, v in arrays.items() if isinstance(v, np.ndarray)}
+    tracker = ht.Tracker(model, filter=name)
+    for t in range(90, 110):
+        joints, confidence = long.joints[t].copy(), long.confidence[t].copy()
+        tracker.step(joints, int(long.time_ns[t]), confidence)
+        same(joints, long.joints[t])
+        same(confidence, long.confidence[t])
+    for key, value in before.items():
+        same(getattr(model, key), value)
+    copies = long.joints.copy(), long.confidence.copy()
+    ht.track(long.frames(7, 40), model, filter=name)
+    same(long.joints, copies[0])
+    same(long.confidence, copies[1])
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_results_stay_as_they_are(name, long):
+    """What a step returned does not change with the next ones."""
+    tracker = ht.Tracker(ht.HandModel.default(), filter=name)
+    frames, copies = [], []
+    for t in range(50, 130):
+        frame = tracker.step(long.joints[t], int(long.time_ns[t]), long.confidence[t])
+        frames.append(frame)
+        copies.append({f.name: np.array(getattr(frame, f.name)) for f in fields(frame)})
+    for frame, copy in zip(frames, copies, strict=True):
+        for key, value in copy.items():
+            same(getattr(frame, key), value)
+
+
+def test_joints_may_be_any_array_like(sample):
+    joints = sample.joints[0]
+    expected = ht.Tracker(ht.HandModel.default()).step(joints, 0)
+    fortran = np.asfortranarray(joints)
+    strided = np.repeat(joints, 2, axis=0)[::2]
+    for given in (joints.tolist(), fortran, strided):
+        frame = ht.Tracker(ht.HandModel.default()).step(given, np.int64(0), [1.0] * 21)
+        same(frame.angles, expected.angles)
+
+
+def test_shapes_and_types(tracked, long):
+    n = len(long)
+    shapes = {
+        "time_ns": (n,),
+        "frame_index": (n,),
+        "observed": (n, 21, 3),
+        "confidence": (n, 21),
+        "angles_raw": (n, N_ANGLES),
+        "angles": (n, N_ANGLES),
+        "quaternion_raw": (n, 4),
+        "quaternion": (n, 4),
+        "translation_raw": (n, 3),
+        "translation": (n, 3),
+        "fitted_joints": (n, 21, 3),
+        "filtered_joints": (n, 21, 3),
+        "angle_variance": (n, N_ANGLES),
+        "objective": (n,),
+        "sweeps": (n,),
+        "status": (n,),
+        "reason": (n,),
+    }
+    for name, shape in shapes.items():
+        assert getattr(tracked, name).shape == shape, name
+    assert tracked.time_ns.dtype == tracked.frame_index.dtype == tracked.sweeps.dtype == np.int64
+    assert tracked.angles.dtype == tracked.fitted_joints.dtype == np.float64
+    same(tracked.time_ns, long.time_ns)
+    same(tracked.frame_index, long.frame_index)
+    same(tracked.observed, long.joints)
+    same(tracked.confidence, long.confidence)
+    assert len(tracked) == n
+    assert tracked.vertices(slice(20, 23)).shape == (3, len(tracked.model.rest_vertices), 3)
+
+
+def test_poses_joints_and_errors_belong_together(tracked):
+    model = tracked.model
+    from handtrack.hand.rotations import quaternion_to_matrix
+
+    for suffix, joints in (("_raw", tracked.fitted_joints), ("", tracked.filtered_joints)):
+        known = np.isfinite(joints).all((1, 2))
+        angles, q, x = (
+            getattr(tracked, f"{name}{suffix}")[known]
+            for name in ("angles", "quaternion", "translation")
+        )
+        assert model.limits.contains(angles, 1e-7).all()
+        np.testing.assert_allclose(np.linalg.norm(q, axis=1), 1.0, atol=1e-12)
+        again = model.joints(angles, quaternion_to_matrix(q), x)
+        np.testing.assert_allclose(again, joints[known], atol=1e-12)
+    fitted = tracked.status == "fitted"
+    squares = tracked.confidence[..., None] * (tracked.observed - tracked.fitted_joints) ** 2
+    objective = np.nansum(squares, axis=(1, 2))
+    np.testing.assert_allclose(tracked.objective[fitted], objective[fitted], rtol=1e-9, atol=1e-12)
+    assert (tracked.sweeps[fitted] > 0).all()
+    assert (tracked.angle_variance[fitted] >= 0).all()
+
+
+def test_unfiltered_and_filtered_are_the_same_without_a_filter(sample):
+    track = ht.track(sample)
+    assert not track.filtered
+    same(track.angles, track.angles_raw)
+    same(track.quaternion, track.quaternion_raw)
+    same(track.translation, track.translation_raw)
+    same(track.filtered_joints, track.fitted_joints)
+
+
+def test_raw_fits_do_not_depend_on_the_filter(sample):
+    none, kalman = (ht.track(sample, filter=name) for name in FILTERS)
+    assert kalman.filtered
+    for name in ("angles_raw", "quaternion_raw", "translation_raw", "fitted_joints", "sweeps"):
+        same(getattr(kalman, name), getattr(none, name))
+
+
+def test_events_tell_of_every_change(tracked, long):
+    changes = [(long.time_ns[0], tracked.status[0])] + [
+        (long.time_ns[t], tracked.status[t])
+        for t in range(1, len(long))
+        if tracked.status[t] != tracked.status[t - 1]
+    ]
+    assert [(e.time_ns, e.text.partition(":")[0]) for e in tracked.events] == changes
+    for event in tracked.events:
+        assert event.level == ("info" if event.text == "fitted" else "warning")
+        assert "\n" not in event.text
+    assert tracked.events[0].text == "lost: 0 of 21 joints observed, 6 needed"
+
+
+def test_what_the_reader_noted_is_the_first_event(sample):
+    noted = replace(sample, notes=("the unit is a guess",))
+    first = ht.track(noted.frames(0, 20)).events[0]
+    assert (first.time_ns, first.level, first.text) == (0, "warning", "the unit is a guess")
+
+
+def test_a_track_says_what_made_it(sample):
+    limits = ht.HandModel.default("right", "li2021")
+    track = ht.track(sample.frames(0, 60), limits, calibrate=False, filter="kalman", coast_s=0.2)
+    assert track.settings["limits"] == "li2021"
+    assert (track.settings["filter"], track.settings["calibrate"]) == ("kalman", False)
+    assert (track.settings["coast_s"], track.settings["update"]) == (0.2, "exact")
+    assert track.version == ht.__version__
+    assert (track.name, track.hand, track.source) == ("sample", "right", sample.source)
+    assert track.subject == sample.subject
+    same(track.truth, sample.truth[:61])
+
+
+def test_progress_counts_frames(long):
+    seen: list[int] = []
+    ht.track(long, progress=seen.append)
+    assert seen == sorted(seen)
+    assert seen[-1] == len(long)
+
+
+def test_a_left_hand_is_the_mirror_image_of_a_right_one(sample):
+    mirror = np.array([-1.0, 1.0, 1.0])
+    left = replace(sample, joints=sample.joints * mirror, hand="left", truth=None)
+    a, b = ht.track(sample), ht.track(left)
+    np.testing.assert_allclose(a.angles, b.angles, atol=2e-4)
+    np.testing.assert_allclose(a.fitted_joints * mirror, b.fitted_joints, atol=2e-5)
+
+
+def test_confidence_is_a_weight(sample):
+    """A joint that is far off and hardly trusted bends the hand less."""
+    joints = sample.joints[20].copy()
+    assert np.isfinite(joints).all()
+    joints[8] += [0.0, 0.05, 0.05]
+    model = ht.calibrate(ht.HandModel.default(), sample).model
+    doubt = np.ones(21)
+    doubt[8] = 0.01
+    trusted, doubted = (ht.Tracker(model).step(joints, 0, c) for c in (None, doubt))
+    others = np.arange(21) != 8
+    error = [
+        np.linalg.norm(f.fitted_joints - sample.truth[20], axis=1)[others].mean()
+        for f in (trusted, doubted)
+    ]
+    assert error[1] < 0.8 * error[0]
