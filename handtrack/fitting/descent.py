@@ -18,6 +18,7 @@ from handtrack.fitting.lanes import (
     B1,
     B2,
     B3,
+    COLD,
     CONVERGED,
     L1,
     L2,
@@ -25,6 +26,7 @@ from handtrack.fitting.lanes import (
     L4,
     LANES,
     LIMIT,
+    LOSS,
     LOW_2,
     LOW_3,
     LOW_Y,
@@ -32,6 +34,7 @@ from handtrack.fitting.lanes import (
     MAX_SWEEPS,
     N2,
     N3,
+    NO_LOSS,
     NY,
     NZ,
     OBJECTIVE,
@@ -296,6 +299,13 @@ def descent(update_finger):
         state = LIMIT
         sweeps = 0.0
         clear_step(s)
+        if s[COLD]:
+            # a root that means nothing yet must not weigh the joints
+            loss, s[LOSS] = s[LOSS], NO_LOSS
+            place(s)
+            update_root(s)
+            s[LOSS] = loss
+            s[COLD] = 0.0
         place(s)
         while True:
             update_root(s)

@@ -12,6 +12,7 @@ import numpy as np
 
 from handtrack.fitting.compiled import call, inline, kernel
 from handtrack.fitting.lanes import (
+    COLD,
     COVARIANCE,
     FULL,
     LOSS,
@@ -120,9 +121,11 @@ def fit_frames(
         if alone:
             memory[0] = 0
         seen = 0
+        scale = 0.0
         for k in range(21):
             if weights[t, k] > 0.0:
                 seen += 1
+                scale = max(scale, weights[t, k])
         s[SWEEPS] = s[STEPS] = 0.0
         line = seen < 3 or on_a_line(targets[t], weights[t])
         if seen < min_joints or (line and min_joints > 1):
@@ -130,13 +133,14 @@ def fit_frames(
             # the arrays came filled with "nothing fitted"
             out_state[t] = TOO_FEW if seen < min_joints else UNDERDETERMINED
             continue
-        load_frame(s, targets[t], weights[t])
+        load_frame(s, targets[t], weights[t], scale)
         best = math.inf
         state = STALLED
         # from the last pose; where that is not the frame before's, from the mean pose as well
         for cold in range(0 if memory[0] > 0 else 1, 1 if memory[0] == 2 else 2):
             load_pose(s, mean if cold else angles, root)
             s[STATE] = STALLED
+            s[COLD] = cold
             sweeps = cold_sweeps if cold or newton == 0 else 0
             for _ in range(4):
                 if sweeps > 0:
@@ -163,12 +167,12 @@ def fit_frames(
             out_angles[t, i] = angles[i]
         for i in range(12):
             out_roots[t, i] = root[i]
-        out_objective[t] = best
+        out_objective[t] = best * scale
         out_iterations[t, 0] = s[SWEEPS]
         out_iterations[t, 1] = s[STEPS]
         out_state[t] = UNDERDETERMINED if line else state
         for i in range(26):
-            out_variance[t, i] = s[COVARIANCE + 27 * i]
+            out_variance[t, i] = s[COVARIANCE + 27 * i] / scale
             if full:
                 for j in range(26):
-                    out_covariance[t, i, j] = s[COVARIANCE + 26 * i + j]
+                    out_covariance[t, i, j] = s[COVARIANCE + 26 * i + j] / scale

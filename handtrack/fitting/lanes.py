@@ -72,8 +72,8 @@ RHO = ROOT_BEFORE + 12
 CHANGE = RHO + 8
 SYSTEM = CHANGE + 8
 # settings and results of the solvers, and the pose's covariance (26 x 26)
-MAX_SWEEPS, MAX_STEPS, TOLERANCE, LOSS, SPREAD2, FULL = range(
-    SYSTEM + 6 * LANES, SYSTEM + 6 * LANES + 6
+MAX_SWEEPS, MAX_STEPS, TOLERANCE, LOSS, SPREAD2, COLD, FULL = range(
+    SYSTEM + 6 * LANES, SYSTEM + 6 * LANES + 7
 )
 OBJECTIVE, SWEEPS, STEPS, STATE = range(FULL + 1, FULL + 5)
 COVARIANCE = STATE + 1
@@ -118,12 +118,15 @@ def load_model(s, rest, axes, lower, upper, twist):
 
 
 @inline
-def load_frame(s, targets, weights):
-    """Write a frame's targets (21, 3) and weights (21,); a missing target is not read."""
+def load_frame(s, targets, weights, scale):
+    """Write a frame's targets (21, 3) and weights (21,) over scale; a missing target is not read.
+
+    Weights of at most one keep the solver's absolute floors in proportion.
+    """
     for f in range(6):
         for j in range(4):
             k = 0 if f == WRIST else 4 * f + 1 + j
-            w = weights[k] if f < WRIST or j == 0 else 0.0
+            w = weights[k] / scale if f < WRIST or j == 0 else 0.0
             s[W1 + j * LANES + f] = w
             for i in range(3):
                 s[T1 + j * VECTOR + i * LANES + f] = targets[k, i] if w > 0.0 else 0.0

@@ -54,6 +54,8 @@ from handtrack.fitting.vectors import cross, dot
 
 # the root has answered the fingers once its change is this small a share (squared) of its step
 INNER = 1e-2
+# steps with well-lifted pivots, and what is sound after them
+PATIENCE, WEAK_PIVOT = 8, 1e-3
 # [m^2] an objective this small is zero
 NOTHING = 1e-22
 
@@ -185,14 +187,17 @@ def newton(s):
             break
         while True:
             differentiate(s, second)
-            lift_pivots(s, SOUND_PIVOT)
+            # a pose that few joints determine has small pivots by nature: trust them in time
+            lift_pivots(s, SOUND_PIVOT if steps < PATIENCE else WEAK_PIVOT)
             # far from the solution only Gauss-Newton's model surely has a minimum
             if find_step(s) or second == 0.0:
                 break
             second = 0.0
         promise = -slope_of_step(s)
         if not promise > 0.0 or cost < NOTHING:
-            state = CONVERGED if promise <= s[TOLERANCE] * cost + NOTHING else STALLED
+            # no descent: rounding's, or the fingers' limits misled the root
+            rounding = abs(promise) <= 1e-12 * cost + NOTHING
+            state = CONVERGED if rounding or cost < NOTHING else STALLED
             break
         keep_pose(s)
         share = 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -222,18 +223,21 @@ class HandModel:
             raise ModelError(f"model {self.name} has no skin")
         rotations, positions = self.parts(angles)
         offsets = positions - np.einsum("...pij,pj->...pi", rotations, self.rest_joints[PART_JOINT])
-        rotation = np.eye(3) if rotation is None else np.asarray(rotation, dtype=np.float64)
+        if rotation is not None:
+            rotation = np.asarray(rotation, dtype=np.float64)
+            rotations = rotation[..., None, :, :] @ rotations
+            offsets = np.einsum("...ij,...pj->...pi", rotation, offsets)
         translation = np.asarray(translation, dtype=np.float64)
-        rotations = rotation[..., None, :, :] @ rotations
-        if translation.ndim:
-            translation = translation[..., None, :]
-        offsets = np.einsum("...ij,...pj->...pi", rotation, offsets) + translation
+        offsets = offsets + (translation[..., None, :] if translation.ndim else translation)
+        lead = np.broadcast_shapes(rotations.shape[:-3], offsets.shape[:-2])
+        rotations = np.broadcast_to(rotations, (*lead, N_PARTS, 3, 3))
+        offsets = np.broadcast_to(offsets, (*lead, N_PARTS, 3))
         transforms = np.concatenate([rotations, offsets[..., None]], -1)  # (..., 16, 3, 4)
-        lead = transforms.shape[:-3]
         # vertex v, pose n: sum_p w_vp T_np [x_v; 1] as one product over (part, homogeneous axis)
         basis = self._skin_basis
-        flat = np.moveaxis(transforms.reshape(-1, N_PARTS, 3, 4), 2, 1).reshape(-1, 64)
-        return np.asarray((flat @ basis).reshape(*lead, 3, -1).swapaxes(-1, -2))
+        flat = np.moveaxis(transforms, -2, -3).reshape(math.prod(lead) * 3, 64)
+        skin = (flat @ basis).reshape(*lead, 3, len(self.rest_vertices))
+        return np.asarray(skin.swapaxes(-1, -2))
 
     @cached_property
     def _skin_basis(self) -> Array:

@@ -125,7 +125,7 @@ def objective(model: HandModel, fit, joints: Array, weights: Array | None = None
 @njit
 def load(s, rest, axes, lower, upper, twist, targets, weights, angles, root):
     lanes.load_model(s, rest, axes, lower, upper, twist)
-    lanes.load_frame(s, targets, weights)
+    lanes.load_frame(s, targets, weights, 1.0)
     lanes.load_pose(s, angles, root)
 
 

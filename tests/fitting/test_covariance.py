@@ -44,9 +44,9 @@ def test_it_is_the_inverse_of_the_gauss_newton_hessian(hand, weighted):
     for i, joints in enumerate(poses.joints):
         weights = rng.uniform(0.3, 2, 21) if weighted else np.ones(21)
         if i % 2:
-            weights[[3, 9, 20]] = 0
+            weights[[5, 9, 20]] = 0
             joints[0] = np.nan
-        found = fit(model, joints, weights=weights)
+        found = fit(model, joints, start=poses.angles[i], weights=weights)
         w = np.where(np.isnan(joints[:, 0]), 0, weights)
         j = world_jacobian(model, found)
         if w[20] == 0:
@@ -58,7 +58,11 @@ def test_it_is_the_inverse_of_the_gauss_newton_hessian(hand, weighted):
         square = np.ix_(known, known)
         expected = np.linalg.inv((j.T @ (np.repeat(w, 3)[:, None] * j))[square])
         found_unit = unit_covariance(found, int((w > 0).sum()))[square]
-        assert relative_difference(found_unit, expected) < 1e-5
+        # a finger that is straight with a joint hidden is as good as not observed
+        open_ = np.isinf(np.diagonal(found_unit))
+        assert (np.diagonal(expected)[open_] > 1e7).all()
+        rest = np.ix_(~open_, ~open_)
+        assert relative_difference(found_unit[rest], expected[rest]) < 1e-5
         assert np.array_equal(np.diagonal(found.covariance)[:20], found.variance)
 
 

@@ -99,11 +99,6 @@ def test_mirrored_frames_give_the_same_angles():
 # ---- starts ----
 
 
-_FALSELY_CONVERGED = pytest.mark.xfail(
-    strict=True, reason="newton() calls a step whose promise is negative converged"
-)
-
-
 def test_any_angles_to_start_from_lead_to_the_truth(model):
     rng = np.random.default_rng(9)
     for joints in some_poses(model, 40, seed=8, margin=0.1).joints:
@@ -111,7 +106,7 @@ def test_any_angles_to_start_from_lead_to_the_truth(model):
         assert distances(fit(model, joints, start=start).joints, joints).max() < 1e-6
 
 
-@pytest.mark.parametrize("degrees", [10, 30, pytest.param(180, marks=_FALSELY_CONVERGED)])
+@pytest.mark.parametrize("degrees", [10, 30, 180])
 def test_any_fit_to_start_from_leads_to_the_truth(model, degrees):
     poses = some_poses(model, 40, seed=8, margin=0.1)
     rng = np.random.default_rng(10)
@@ -188,20 +183,15 @@ def test_no_weight_is_missing(model):
     assert same(fit(model, joints, weights=weights), fit(model, without))
 
 
-@pytest.mark.parametrize("factor", [1e-4, 0.1, 7.0, 1e4])
+@pytest.mark.parametrize("factor", [1e-100, 1e-10, 0.1, 7.0, 1e4, 1e100])
 def test_one_factor_on_all_weights_changes_nothing_but_the_objective(model, factor):
     joints = some_poses(model, 1, 0.004, seed=16).joints[0]
     weights = np.random.default_rng(17).uniform(0.2, 1, 21)
     a, b = fit(model, joints, weights=weights), fit(model, joints, weights=factor * weights)
-    assert b.objective == pytest.approx(factor * a.objective, rel=1e-5, abs=0)
-    assert np.allclose(a.angles, b.angles, rtol=0, atol=1e-4)
-
-
-@pytest.mark.xfail(strict=True, reason="floors in the solver are absolute, not relative to weights")
-def test_a_tiny_factor_on_all_weights_changes_nothing_but_the_objective(model):
-    joints = some_poses(model, 1, 0.004, seed=16).joints[0]
-    a, b = fit(model, joints), fit(model, joints, weights=np.full(21, 1e-10))
-    assert b.objective == pytest.approx(1e-10 * a.objective, rel=1e-3, abs=0)
+    assert b.objective == pytest.approx(factor * a.objective, rel=1e-9, abs=0)
+    assert np.allclose(a.angles, b.angles, rtol=0, atol=1e-9)
+    # the noise that the residual shows is the weighted one
+    assert np.allclose(a.covariance, b.covariance, rtol=1e-6, atol=1e-12)
 
 
 def test_the_objective_is_weighted_and_a_heavy_joint_is_met(model):

@@ -115,7 +115,6 @@ def test_joints_on_a_line_are_underdetermined(n):
     assert fit(model, off).status != "underdetermined"
 
 
-@pytest.mark.xfail(strict=True, reason="newton() calls a step whose promise is negative converged")
 @pytest.mark.parametrize("hand", HANDS)
 def test_fingertips_alone_are_met(hand):
     model = MODELS[hand]
@@ -194,7 +193,6 @@ def test_a_hidden_joint_is_found_from_its_neighbours():
     assert max(worst) < 0.01
 
 
-@pytest.mark.xfail(strict=True, reason="lift_pivots slows weakly determined fingers to a crawl")
 def test_a_hidden_joint_does_not_take_all_the_steps_there_are():
     fits = [found for found, _ in one_hidden_joint_in_three_fingers(100)]
     assert np.mean([found.status == "converged" for found in fits]) > 0.95

@@ -167,12 +167,7 @@ def test_batches_equal_single_poses(model, lead):
             assert np.allclose(shared[i], one, rtol=0, atol=1e-13)
 
 
-_VERTICES_DO_NOT = pytest.mark.xfail(
-    strict=True, raises=ValueError, reason="HandModel.vertices does not broadcast as joints does"
-)
-
-
-@pytest.mark.parametrize("points", ["joints", pytest.param("vertices", marks=_VERTICES_DO_NOT)])
+@pytest.mark.parametrize("points", ["joints", "vertices"])
 @pytest.mark.parametrize("turned", [False, True])
 def test_one_pose_in_many_places(model, points, turned):
     angles = poses(model, 1)[0]
@@ -194,7 +189,7 @@ def test_one_pose_turned_many_ways(model, points):
         assert np.allclose(many[i], make(angles, turns[i], [0.1, 0.2, 0.3]), rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize("points", ["joints", pytest.param("vertices", marks=_VERTICES_DO_NOT)])
+@pytest.mark.parametrize("points", ["joints", "vertices"])
 def test_no_poses_are_no_points(model, points):
     many = getattr(model, points)(np.zeros((0, 20)))
     assert many.shape == (0, *getattr(model, points)(np.zeros(20)).shape)
