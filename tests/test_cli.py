@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 import handtrack as ht
-from handtrack import cli_progress
+from handtrack.cli import progress as cli_progress
 from handtrack.cli import run
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -26,7 +26,7 @@ ALLOWED = {
     "recording": {"", "errors", "hand.skeleton", "hand", "tracking"},
     "evaluation": {"", "errors", "hand.skeleton", "hand", "sequences.sequence", "tracking"},
 }
-TOP = {"", "__main__", "cli", "cli_inputs", "cli_outputs", "cli_progress"}
+TOP = {"", "__main__", "cli"}
 """Those may import everything."""
 SLOW = ("rerun", "matplotlib", "filterpy", "mcap", "scipy", "google", "pyarrow")
 """Imported inside the functions that need them; numba only where code is compiled."""

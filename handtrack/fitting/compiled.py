@@ -11,6 +11,8 @@ address, so each is compiled once instead of once more inside each of its caller
 from __future__ import annotations
 
 import hashlib
+import inspect
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -33,21 +35,33 @@ _BUFFER = types.Array(types.float64, 1, "C")
 
 
 def _versioned(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function under a name that holds a digest of all compiled sources.
+    """The function under a name that holds a digest of the sources that it is compiled from.
 
     numba looks for changes only in the file that a function stands in, by size and time; the
     name keeps machine code of other versions of its callees out.
     """
-    function.__qualname__ = f"{function.__qualname__}_{_sources()}"
+    digest = hashlib.sha256()
+    for name in sorted(_needed(function.__module__)):
+        digest.update(_source(name).encode())
+    function.__qualname__ = f"{function.__qualname__}_{digest.hexdigest()[:12]}"
     return function
 
 
+def _needed(module: str) -> set[str]:
+    """A module of the project, with those that it takes names from, and so on."""
+    found: set[str] = set()
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            waiting += re.findall(r"^from (handtrack\.\S+) import", _source(name), re.MULTILINE)
+    return found
+
+
 @cache
-def _sources() -> str:
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:12]
+def _source(module: str) -> str:
+    return inspect.getsource(sys.modules[module])
 
 
 def kernel(function: Callable[..., Any]) -> Any:

@@ -1,0 +1,84 @@
+"""The command line: arguments and printing only. Imports wait until a command needs them.
+
+Each command stands in the module of its name, as a click command of that name.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import warnings
+from typing import Any
+
+import click
+
+from handtrack import __version__
+from handtrack.errors import HandtrackError, InputError, ModelError, SettingsError
+
+COMMANDS = ("track", "replay", "stability")
+"""In the order of the help."""
+
+
+def main() -> None:
+    """Run the command line and exit: 0 done, 1 the job failed, 2 input or arguments are wrong."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: list[str]) -> int:
+    """Run one command and return its exit status; what goes wrong is one line on stderr."""
+    with warnings.catch_warnings():
+        warnings.showwarning = _show_warning  # type: ignore[assignment]
+        try:
+            return int(cli.main(arguments or ["--help"], "handtrack", standalone_mode=False) or 0)
+        except click.ClickException as error:
+            return _failed(error.format_message(), 2)
+        except (InputError, SettingsError, ModelError) as error:
+            return _failed(str(error), 2)
+        except HandtrackError as error:
+            return _failed(str(error), 1)
+        except BrokenPipeError:
+            # whoever read the output has seen enough; the interpreter's last flush must not fail
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 1
+        except OSError as error:
+            name = f"{error.filename}: " if error.filename else ""
+            return _failed(f"{name}{error.strerror or error}", 1)
+        except (click.Abort, KeyboardInterrupt):
+            click.echo("stopped", err=True)
+            return 1
+
+
+def _failed(message: str, status: int) -> int:
+    click.echo(f"error: {' '.join(message.split())}", err=True)
+    return status
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *where: Any) -> None:
+    """What the library warns of, without the place in its code."""
+    text = str(message) if category is UserWarning else f"{category.__name__}: {message}"
+    click.echo(f"warning: {text}", err=True)
+
+
+class _Commands(click.Group):
+    """Commands that load when they are asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = getattr(
+            importlib.import_module(f"handtrack.cli.{cmd_name}"), cmd_name
+        )
+        return command
+
+
+@click.group(
+    cls=_Commands,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+@click.version_option(__version__, prog_name="handtrack")
+def cli() -> None:
+    """Track 3D hand joint sequences, replay them, and measure how steady they are."""

@@ -1,0 +1,156 @@
+"""handtrack track."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handtrack.cli.inputs import Reading, reading_options
+from handtrack.cli.options import json_option, no_mesh_option, quiet_option
+from handtrack.cli.outputs import Job, jobs
+from handtrack.cli.progress import Progress, compiling_said, progress_shown
+from handtrack.errors import HandtrackError
+
+if TYPE_CHECKING:
+    from handtrack import Track
+
+
+@click.command(short_help="Fit a hand to joint sequences and record it.")
+@click.argument("input", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="MCAP file, or a folder.")
+@click.option("--rrd", type=click.Path(path_type=Path), help="Rerun file, or a folder, as well.")
+@click.option(
+    "--limits",
+    type=click.Choice(["anatomical", "li2021"]),
+    default="anatomical",
+    show_default=True,
+    help="Joint limits: a wide anatomical set, or Table 1 of Li et al. 2021.",
+)
+@click.option(
+    "--update",
+    type=click.Choice(["exact", "li2021"]),
+    default="exact",
+    show_default=True,
+    help="Block updates: the constrained minimiser, or the paper's.",
+)
+@click.option("--no-calibrate", is_flag=True, help="Only scale the hand, keep its proportions.")
+@click.option(
+    "--filter",
+    "filter_",
+    type=click.Choice(["none", "kalman"]),
+    default="none",
+    show_default=True,
+    help="Steady the angles over time.",
+)
+@no_mesh_option
+@json_option
+@quiet_option
+@reading_options
+def track(
+    input: Path,
+    output: Path | None,
+    rrd: Path | None,
+    limits: str,
+    update: Any,
+    no_calibrate: bool,
+    filter_: str,
+    no_mesh: bool,
+    as_json: bool,
+    quiet: bool,
+    **reading: Any,
+) -> None:
+    """Fit a hand to every frame of a joint sequence and record the result.
+
+    INPUT is a file or a folder: CMU Panoptic, .npz / .npy / .csv / .json / .jsonl, FPHA, Leap
+    Motion, MCAP. Without -o the recording is recordings/NAME.mcap; of a folder with several
+    unrelated files each gets its own, recordings/FOLDER/NAME.mcap. With -o FILE.mcap they
+    share one.
+    """
+    import handtrack as ht
+
+    sequences = Reading(**reading).load(input, quiet)
+    work = jobs(sequences, input, output, rrd)
+    settings = {"calibrate": not no_calibrate, "filter": filter_, "update": update}
+    tracks: list[Track] = []
+    left_out: list[str] = []
+    seconds = 0.0
+    written: list[Path] = []
+    silent = quiet or as_json
+    with (
+        compiling_said(silent),
+        progress_shown(sum(map(len, sequences)), silent) as progress,
+    ):
+        from handtrack.fitting.bcd import warm_up
+
+        warm_up()
+        if update != "exact":  # a solver that is loaded, or compiled, when it is asked for
+            ht.fit(hand := ht.HandModel.default(), hand.rest_joints, update=update)
+        for job in work:
+            made = []
+            for sequence in job.sequences:
+                start = time.perf_counter()
+                try:
+                    model = ht.HandModel.default(sequence.hand, limits)
+                    result = ht.track(sequence, model, progress=progress.frames, **settings)
+                    _check_fitted(result)
+                except HandtrackError as error:
+                    # a hand that is hardly seen must not take the others with it
+                    left_out.append(f"{sequence.name}: left out: {error}")
+                    if len(left_out) == len(sequences):
+                        raise
+                else:
+                    made.append(result)
+                seconds += time.perf_counter() - start
+                progress.next(len(sequence))
+            if made:
+                _write(made, job, not no_mesh, progress)
+                tracks += made
+                written += job.files
+    for note in left_out if not quiet else ():
+        click.echo(f"warning: {note}", err=True)
+
+    frames = sum(map(len, tracks))
+    report = ht.stability(tracks)
+    if as_json:
+        result_dict = report.to_dict() | {
+            "outputs": [str(path) for path in written],
+            "frames_per_second": frames / seconds,
+            "warnings": [f"{s.name}: {note}" for s in sequences for note in s.notes] + left_out,
+        }
+        click.echo(json.dumps(result_dict, indent=2, allow_nan=False))
+    elif not quiet:
+        from handtrack.evaluation.report import print_table
+
+        print_table(report)
+        where = " and ".join(map(str, written))
+        if len(work) > 1:
+            folders = dict.fromkeys(str(path.parent) for path in written)
+            where = f"{len(written)} files in {' and '.join(folders)}"
+        click.echo(f"tracked {frames:,} frames at {frames / seconds:,.0f} frames/s -> {where}")
+
+
+def _check_fitted(track: Track) -> None:
+    """Refuse a track of which nothing is there.
+
+    Raises:
+        HandtrackError: every frame is lost.
+    """
+    if (track.status == "lost").all():
+        raise HandtrackError(f"{track.source}: no frame could be fitted: {track.reason[0]}")
+
+
+def _write(tracks: list[Track], job: Job, mesh: bool, progress: Progress) -> None:
+    import handtrack as ht
+
+    for path in job.files:
+        progress.says(f"writing {path}")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path == job.mcap:
+            ht.write_mcap(tracks, path, mesh=mesh)
+        else:
+            ht.log_rerun(tracks, save=path, mesh=mesh)
+    progress.says("tracking")
