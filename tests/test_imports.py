@@ -24,6 +24,7 @@ ALLOWED = {
     "fitting": {"errors", "hand.skeleton", "hand", "sequences.sequence"},
     "tracking": {"", "errors", "hand.skeleton", "hand", "sequences.sequence", "fitting"},
     "recording": {"", "errors", "hand.skeleton", "hand", "tracking"},
+    "video": {"errors", "hand.skeleton", "hand", "sequences.sequence", "recording"},
     "evaluation": {"", "errors", "hand.skeleton", "hand", "sequences.sequence", "tracking"},
 }
 TOP = {"", "__main__", "cli"}

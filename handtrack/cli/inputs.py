@@ -27,21 +27,43 @@ class Reading(NamedTuple):
     frames: str | None = None
 
     def load(self, path: Path, quiet: bool = False) -> list[Sequence]:
-        """The sequences of a file or folder; what the user should know of them is printed."""
-        import handtrack as ht
+        """The sequences of a file or folder; what the user should know of them is printed.
 
-        sequences = ht.load(
-            path,
-            hand=None if self.hand == "auto" else self.hand,
-            unit=self.unit,
-            order=self.order,
-            fps=self.fps,
-            frames=self.frame_range,
-        )
+        In videos and images the hands are found first.
+        """
+        import handtrack as ht
+        from handtrack.video.media import kind
+
+        if kind(path) is not None:
+            sequences = self._detected(path, quiet)
+        else:
+            sequences = ht.load(
+                path,
+                hand=None if self.hand == "auto" else self.hand,
+                unit=self.unit,
+                order=self.order,
+                fps=self.fps,
+                frames=self.frame_range,
+            )
         for sequence in sequences if not quiet else ():
             for note in sequence.notes:
                 click.echo(f"warning: {sequence.name}: {note}", err=True)
         return sequences
+
+    def _detected(self, path: Path, quiet: bool) -> list[Sequence]:
+        from handtrack.cli.progress import progress_shown
+        from handtrack.sequences.hands import CHOICES, label_hands
+        from handtrack.video.detections import detect
+        from handtrack.video.media import count
+
+        if self.unit is not None or self.order is not None:
+            raise SettingsError(f"{path}: --unit and --order are for joint sequences, not pictures")
+        with progress_shown(count(path), quiet, "detecting") as progress:
+            found = detect(path, fps=self.fps, frames=self.frame_range, progress=progress.frames)
+        sequences = found.sequences()
+        labels = list(found.hands)
+        choice = next(c for c in CHOICES if c == self.hand)
+        return label_hands(sequences, list(labels), [False] * len(labels), choice, len(labels) > 1)
 
     @property
     def frame_range(self) -> tuple[int, int] | None:

@@ -56,9 +56,9 @@ class Progress:
 class _Bar(Progress):
     """A progress bar."""
 
-    def __init__(self, bar: Any, total: int) -> None:
+    def __init__(self, bar: Any, total: int, doing: str) -> None:
         self._bar, self._before = bar, 0
-        self._task = bar.add_task("tracking", total=total)
+        self._task = bar.add_task(doing, total=total)
 
     def frames(self, done: int) -> None:
         self._bar.update(self._task, completed=self._before + done)
@@ -72,7 +72,7 @@ class _Bar(Progress):
 
 
 @contextmanager
-def progress_shown(total: int, quiet: bool) -> Iterator[Progress]:
+def progress_shown(total: int, quiet: bool, doing: str = "tracking") -> Iterator[Progress]:
     """A bar of so many frames on stderr, for people at a terminal."""
     if quiet or not sys.stderr.isatty():
         yield Progress()
@@ -81,4 +81,4 @@ def progress_shown(total: int, quiet: bool) -> Iterator[Progress]:
     from rich.progress import Progress as Bars
 
     with Bars(console=Console(stderr=True), transient=True) as bars:
-        yield _Bar(bars, total)
+        yield _Bar(bars, total, doing)

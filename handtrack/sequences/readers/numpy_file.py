@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from handtrack.errors import InputError
-from handtrack.sequences.readers.fields import as_frames, from_fields
+from handtrack.hand.skeleton import HANDS, Hand
+from handtrack.sequences.readers.fields import JOINT_KEYS, as_frames, from_fields
 from handtrack.sequences.readers.raw import Raw, stem
 
 # all that NumPy and zipfile raise for damaged files; MemoryError from a damaged shape
@@ -52,7 +53,7 @@ def read_npy(data: bytes, path: Path) -> list[Raw]:
 
 
 def read_npz(data: bytes, path: Path) -> list[Raw]:
-    """The one sequence of a .npz file.
+    """The sequences of a .npz file: one, or one of each hand where names begin with the hand.
 
     Raises:
         NotJointsError: a whole file without joints.
@@ -63,7 +64,17 @@ def read_npz(data: bytes, path: Path) -> list[Raw]:
             fields = {str(name): _scalar(archive[name]) for name in archive.files}
     except _DAMAGED as error:
         raise InputError(_reason("the .npz file", error), path) from None
-    return [from_fields(fields, path)]
+    hands = [of_hand for hand in HANDS if (of_hand := _of_hand(fields, hand))]
+    return [from_fields(of_hand, path) for of_hand in hands] or [from_fields(fields, path)]
+
+
+def _of_hand(fields: dict[str, Any], hand: Hand) -> dict[str, Any] | None:
+    """The fields named after a hand (`left_joints_m`) without its name, and those of both."""
+    own = {k.removeprefix(f"{hand}_"): v for k, v in fields.items() if k.startswith(f"{hand}_")}
+    if not any(key in own for key in JOINT_KEYS):
+        return None
+    both = {k: v for k, v in fields.items() if not k.startswith(("left_", "right_"))}
+    return both | own | {"hand": hand}
 
 
 def _scalar(value: Any) -> Any:

@@ -1,0 +1,177 @@
+"""Detections: the hands that a detector found in a video, an image or a folder of images."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.errors import HandtrackError, InputError
+from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
+from handtrack.recording.whole_file import whole_file
+from handtrack.sequences.sequence import Sequence
+from handtrack.video.detector import Detection, Detector, MediaPipeDetector
+from handtrack.video.hand_tracks import HandTracks
+from handtrack.video.media import kind, pictures
+
+Array = NDArray[np.float64]
+
+
+class NoHandError(HandtrackError):
+    """There is no hand in any picture: the job failed, the input is sound."""
+
+
+@dataclass(frozen=True, eq=False)
+class Detections:
+    """Both hands of one person in the T frames of one source.
+
+    Attributes:
+        source: the file or folder.
+        size: (width, height) of the pictures [px]; of images, of the first.
+        time_ns: (T,) int64; frame_index: (T,) int64.
+        image: hand -> (T, 21, 2) [px], NaN where it was not found (see `Detection.image`).
+        world: hand -> (T, 21, 3) [m], NaN where it was not found.
+        score: hand -> (T,) 0..1, 0 where it was not found.
+    """
+
+    source: str
+    size: tuple[int, int]
+    time_ns: NDArray[np.int64]
+    frame_index: NDArray[np.int64]
+    image: dict[Hand, Array]
+    world: dict[Hand, Array]
+    score: dict[Hand, Array]
+
+    def __len__(self) -> int:
+        return len(self.time_ns)
+
+    @property
+    def hands(self) -> tuple[Hand, ...]:
+        """The hands that were found at all, left first."""
+        return tuple(h for h in HANDS if self.score[h].any())
+
+    def sequences(self) -> list[Sequence]:
+        """The world joints of each hand found, as sequences.
+
+        They are around the hand's own middle: how the hand moves through the room is not in
+        them.
+        """
+        name = Path(self.source).stem
+        found = self.hands
+        return [
+            Sequence(
+                time_ns=self.time_ns,
+                joints=self.world[hand],
+                confidence=np.repeat(self.score[hand][:, None], N_JOINTS, axis=1),
+                hand=hand,
+                frame_index=self.frame_index,
+                name=f"{name} {hand}" if len(found) > 1 else name,
+                source=self.source,
+            )
+            for hand in found
+            if np.isfinite(self.world[hand]).all((1, 2)).any()
+        ]
+
+    def save(self, path: Path) -> None:
+        """Write an .npz that `handtrack track` and `load` read.
+
+        Keys: `time_ns`, `frame_index`, `size_px` (2,), `source`, and for each hand found
+        `HAND_joints_m` (T, 21, 3), `HAND_image_px` (T, 21, 2) and `HAND_confidence` (T,).
+
+        Raises:
+            HandtrackError: it cannot be written.
+        """
+        arrays: dict[str, Any] = {
+            "time_ns": self.time_ns,
+            "frame_index": self.frame_index,
+            "size_px": self.size,
+            "source": self.source,
+        }
+        for hand in self.hands:
+            arrays[f"{hand}_joints_m"] = self.world[hand].astype(np.float32)
+            arrays[f"{hand}_image_px"] = self.image[hand].astype(np.float32)
+            arrays[f"{hand}_confidence"] = self.score[hand].astype(np.float32)
+        with whole_file(path) as part, part.open("wb") as stream:
+            np.savez_compressed(stream, **arrays)
+
+
+def detect(
+    source: Path,
+    detector: Detector | None = None,
+    model: Path | None = None,
+    fps: float | None = None,
+    frames: tuple[int, int] | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Detections:
+    """Find the hands of one person in a video, an image or a folder of images.
+
+    Args:
+        source: what `media.kind` knows.
+        detector: MediaPipe's by default; it is closed at the end only if it is made here.
+        model: for MediaPipe, as in `MediaPipeDetector`.
+        fps: frames per second, instead of the video's time stamps.
+        frames: first and last frame to look at, both included.
+        progress: called with the number of frames done.
+
+    Returns:
+        What was found; frames without a hand are NaN.
+
+    Raises:
+        InputError: the source cannot be read, or no frame lies in `frames`.
+        NoHandError: no hand in any frame.
+        SettingsError: MediaPipe or its model is missing.
+    """
+    own = detector is None
+    still = kind(source) != "video"
+    detector = detector or MediaPipeDetector(model, still=still)
+    tracks = HandTracks(linked=not still)
+    rows: list[list[tuple[int, Detection]]] = []
+    times: list[int] = []
+    index: list[int] = []
+    size = (0, 0)
+    try:
+        for picture in pictures(source, fps):
+            if frames is not None and picture.index < frames[0]:
+                continue
+            if frames is not None and picture.index > frames[1]:
+                break
+            if not rows:
+                size = (picture.rgb.shape[1], picture.rgb.shape[0])
+            rows.append(tracks.add(detector.detect(picture.rgb, picture.time_ns)))
+            times.append(picture.time_ns)
+            index.append(picture.index)
+            if progress is not None:
+                progress(len(rows))
+    finally:
+        if own:
+            detector.close()
+    if not rows:
+        where = "" if frames is None else f" in frames {frames[0]}:{frames[1]}"
+        raise InputError(f"no picture{where}", source)
+    if not any(rows):
+        raise NoHandError(f"{source}: no hand was found in {len(rows)} frames")
+    return _gathered(source, size, times, index, [tracks.named(row) for row in rows])
+
+
+def _gathered(
+    source: Path,
+    size: tuple[int, int],
+    times: list[int],
+    index: list[int],
+    rows: list[dict[Hand, Detection]],
+) -> Detections:
+    n = len(rows)
+    image: dict[Hand, Array] = {h: np.full((n, N_JOINTS, 2), np.nan) for h in HANDS}
+    world: dict[Hand, Array] = {h: np.full((n, N_JOINTS, 3), np.nan) for h in HANDS}
+    score: dict[Hand, Array] = {h: np.zeros(n) for h in HANDS}
+    for t, row in enumerate(rows):
+        for hand, found in row.items():
+            image[hand][t] = found.image
+            if found.world is not None:
+                world[hand][t] = found.world
+            score[hand][t] = found.score
+    return Detections(str(source), size, np.array(times), np.array(index), image, world, score)

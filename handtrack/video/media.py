@@ -1,0 +1,163 @@
+"""Pictures over time: the frames of a video, of one image, or of a folder of images."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.errors import InputError, SettingsError
+
+Kind = Literal["video", "image", "images"]
+IMAGE_FPS = 30.0
+"""Frames per second of a folder of images, which says nothing of time."""
+_VIDEO_BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip")
+_STILLS = (b"avif", b"avis", b"heic", b"heix", b"mif1")
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """One frame.
+
+    Attributes:
+        index: its number in the source, from 0.
+        time_ns: when, from the source's time stamps [ns].
+        rgb: (height, width, 3) uint8.
+        path: the file it comes from.
+    """
+
+    index: int
+    time_ns: int
+    rgb: NDArray[np.uint8]
+    path: Path
+
+
+def kind(path: Path) -> Kind | None:
+    """What a path holds, by content: a video, an image, a folder of images; None: none of it."""
+    if path.is_dir():
+        return "images" if _images(path) else None
+    if not path.is_file():
+        return None
+    with path.open("rb") as stream:
+        head = stream.read(16)
+    if head.startswith((b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"BM")) or (
+        head[:4] == b"RIFF" and head[8:12] == b"WEBP"
+    ):
+        return "image"
+    if head[4:8] in _VIDEO_BOXES and head[8:12] not in _STILLS:
+        return "video"
+    if head.startswith(b"\x1aE\xdf\xa3") or (head[:4] == b"RIFF" and head[8:12] == b"AVI "):
+        return "video"
+    return None
+
+
+def pictures(path: Path, fps: float | None = None) -> Iterator[Picture]:
+    """The frames of a video, an image or a folder of images (in order of name), one by one.
+
+    Args:
+        path: what `kind` names.
+        fps: frames per second, instead of a video's time stamps; of a folder: 30 by default.
+
+    Raises:
+        InputError: not a picture, damaged, or a video whose time stamps do not increase.
+        SettingsError: the extra `video` is not installed.
+    """
+    what = kind(path)
+    if what is None:
+        raise InputError("neither a video nor an image nor a folder of images", path)
+    if what == "video":
+        yield from _video(path, fps)
+        return
+    files = _images(path) if what == "images" else [path]
+    for i, file in enumerate(files):
+        yield Picture(i, round(i / (fps or IMAGE_FPS) * 1e9), read_image(file), file)
+
+
+def count(path: Path) -> int:
+    """About how many frames there are; 0 where the file does not say."""
+    what = kind(path)
+    if what == "images":
+        return len(_images(path))
+    if what == "image":
+        return 1
+    with _open(path) as container:
+        stream = container.streams.video[0]
+        if stream.frames:
+            return int(stream.frames)
+        rate, duration = stream.average_rate, container.duration
+        return round(float(rate) * duration * 1e-6) if rate and duration else 0
+
+
+def read_image(path: Path) -> NDArray[np.uint8]:
+    """(height, width, 3) RGB of an image file.
+
+    Raises:
+        InputError: it is damaged or no image.
+    """
+    with _open(path) as container:
+        for frame in _decoded(container, path):
+            return np.asarray(frame.to_ndarray(format="rgb24"), dtype=np.uint8)
+    raise InputError("the image holds no picture", path)
+
+
+def _images(folder: Path) -> list[Path]:
+    """The folder's images; none where it holds other files as well."""
+    files = sorted(p for p in folder.iterdir() if p.is_file() and not p.name.startswith("."))
+    return files if all(kind(p) == "image" for p in files) else []
+
+
+def _video(path: Path, fps: float | None) -> Iterator[Picture]:
+    before, at = None, 0
+    with _open(path) as container:
+        for i, frame in enumerate(_decoded(container, path)):
+            if fps is not None:
+                at = round(i / fps * 1e9)
+            elif frame.pts is None:
+                raise InputError(f"frame {i} has no time stamp: give the rate with --fps", path)
+            else:
+                # exact, where seconds as a float are not
+                at = int(frame.pts * frame.time_base * 10**9)
+            if before is not None and at <= before:
+                raise InputError(
+                    f"frame {i} is at {at * 1e-9:.6f} s, the one before at {before * 1e-9:.6f} s:"
+                    " give the rate with --fps",
+                    path,
+                )
+            before = at
+            rgb = np.asarray(frame.to_ndarray(format="rgb24"), dtype=np.uint8)
+            yield Picture(i, at, rgb, path)
+
+
+def _open(path: Path) -> Any:
+    try:
+        import av
+    except ImportError:
+        raise SettingsError(
+            f"{path}: reading pictures needs PyAV: pip install 'handtrack[video]'"
+        ) from None
+    try:
+        container = av.open(str(path))
+    except (av.FFmpegError, OSError) as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", path) from None
+    if not container.streams.video:
+        container.close()
+        raise InputError("there is no picture in it", path)
+    container.streams.video[0].thread_type = "AUTO"
+    return container
+
+
+def _decoded(container: Any, path: Path) -> Iterator[Any]:
+    """Frames of the first video stream; a damaged end is an error, said with its frame."""
+    import av
+
+    n = 0
+    try:
+        for frame in container.decode(video=0):
+            yield frame
+            n += 1
+    except av.FFmpegError as error:
+        raise InputError(f"frame {n} cannot be decoded: {error.strerror or error}", path) from None
