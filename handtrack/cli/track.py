@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handtrack.cli.inputs import Reading, reading_options
-from handtrack.cli.options import json_option, no_mesh_option, quiet_option
+from handtrack.cli.options import (
+    json_option,
+    no_mesh_option,
+    quiet_option,
+    take_tracking,
+    tracking_options,
+)
 from handtrack.cli.outputs import Job, jobs
 from handtrack.cli.progress import Progress, compiling_said, progress_shown
 from handtrack.errors import HandtrackError
@@ -23,29 +29,7 @@ if TYPE_CHECKING:
 @click.argument("input", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="MCAP file, or a folder.")
 @click.option("--rrd", type=click.Path(path_type=Path), help="Rerun file, or a folder, as well.")
-@click.option(
-    "--limits",
-    type=click.Choice(["anatomical", "li2021"]),
-    default="anatomical",
-    show_default=True,
-    help="Joint limits: a wide anatomical set, or Table 1 of Li et al. 2021.",
-)
-@click.option(
-    "--update",
-    type=click.Choice(["exact", "li2021"]),
-    default="exact",
-    show_default=True,
-    help="Block updates: the constrained minimiser, or the paper's.",
-)
-@click.option("--no-calibrate", is_flag=True, help="Only scale the hand, keep its proportions.")
-@click.option(
-    "--filter",
-    "filter_",
-    type=click.Choice(["none", "kalman"]),
-    default="none",
-    show_default=True,
-    help="Steady the angles over time.",
-)
+@tracking_options
 @no_mesh_option
 @json_option
 @quiet_option
@@ -54,14 +38,10 @@ def track(
     input: Path,
     output: Path | None,
     rrd: Path | None,
-    limits: str,
-    update: Any,
-    no_calibrate: bool,
-    filter_: str,
     no_mesh: bool,
     as_json: bool,
     quiet: bool,
-    **reading: Any,
+    **options: Any,
 ) -> None:
     """Fit a hand to every frame of a joint sequence and record the result.
 
@@ -72,9 +52,10 @@ def track(
     """
     import handtrack as ht
 
-    sequences = Reading(**reading).load(input, quiet)
+    settings = take_tracking(options)
+    limits = settings.pop("limits")
+    sequences = Reading(**options).load(input, quiet)
     work = jobs(sequences, input, output, rrd)
-    settings = {"calibrate": not no_calibrate, "filter": filter_, "update": update}
     tracks: list[Track] = []
     left_out: list[str] = []
     seconds = 0.0
@@ -87,6 +68,7 @@ def track(
         from handtrack.fitting.bcd import warm_up
 
         warm_up()
+        update = settings["update"]
         if update != "exact":  # a solver that is loaded, or compiled, when it is asked for
             ht.fit(hand := ht.HandModel.default(), hand.rest_joints, update=update)
         for job in work:
