@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -278,6 +278,7 @@ def track(
     coast_s: float = COAST_S,
     process_noise: float = 1.0,
     progress: Callable[[int], None] | None = None,
+    on_part: Callable[[Track], None] | None = None,
 ) -> Track:
     """Track a whole sequence.
 
@@ -288,6 +289,8 @@ def track(
             scaled to it.
         filter, update, min_joints, coast_s, process_noise: as in `Tracker`.
         progress: called with the number of frames done, now and then.
+        on_part: called with every stretch of frames as soon as it is final, in order: what it
+            gets, one after another, is the track returned.
 
     Returns:
         The track, with the hand as calibrated.
@@ -305,71 +308,88 @@ def track(
         )
     calibration = (calibrate_hand if calibrate else scale_to)(model, sequence)
     tracker = Tracker(calibration.model, filter, update, min_joints, coast_s, process_noise)
-    frames: list[TrackedFrame] = []
-    for t in range(0, len(sequence), _CHUNK):
-        part = slice(t, t + _CHUNK)
-        frames += tracker._advance(
-            sequence.time_ns[part], sequence.joints[part], sequence.confidence[part]
-        )
-        if progress is not None:
-            progress(len(frames))
-    events = [Event(int(sequence.time_ns[0]), "warning", note) for note in sequence.notes]
-    before = ""
-    for frame in frames:
-        if frame.status != before:
-            level = "info" if frame.status == "fitted" else "warning"
-            text = f"{frame.status}: {frame.reason}" if frame.reason else frame.status
-            events.append(Event(frame.time_ns, level, text))
-            before = frame.status
     settings = {
         **tracker.settings,
         "calibrate": calibrate,
         "limits": model.limits.name,
         "model": model.name,
     }
-    return _assemble(sequence, calibration.model, settings, frames, tuple(events))
+
+    def made(part: slice, frames: list[TrackedFrame], events: list[Event]) -> Track:
+        return track_of_frames(
+            frames,
+            calibration.model,
+            settings,
+            name=sequence.name,
+            frame_index=sequence.frame_index[part],
+            truth=None if sequence.truth is None else sequence.truth[part],
+            source=sequence.source,
+            subject=sequence.subject,
+            events=events,
+        )
+
+    frames: list[TrackedFrame] = []
+    events = [Event(int(sequence.time_ns[0]), "warning", note) for note in sequence.notes]
+    untold, status = list(events), ""
+    for t in range(0, len(sequence), _CHUNK):
+        part = slice(t, t + _CHUNK)
+        new = tracker._advance(
+            sequence.time_ns[part], sequence.joints[part], sequence.confidence[part]
+        )
+        told = status_events(new, status)
+        frames += new
+        events += told
+        status = new[-1].status
+        if on_part is not None:
+            on_part(made(part, new, untold + told))
+            untold = []
+        if progress is not None:
+            progress(len(frames))
+    return made(slice(None), frames, events)
 
 
-def _assemble(
-    sequence: Sequence,
-    model: HandModel,
-    settings: dict[str, Any],
+def status_events(frames: list[TrackedFrame], before: str = "") -> list[Event]:
+    """An event for every change of status; `before` is the status before the first frame."""
+    events = []
+    for frame in frames:
+        if frame.status != before:
+            level = "info" if frame.status == "fitted" else "warning"
+            text = f"{frame.status}: {frame.reason}" if frame.reason else frame.status
+            events.append(Event(frame.time_ns, level, text))
+            before = frame.status
+    return events
+
+
+def track_of_frames(
     frames: list[TrackedFrame],
-    events: tuple[Event, ...],
+    model: HandModel,
+    settings: Mapping[str, Any],
+    *,
+    name: str,
+    frame_index: ArrayLike,
+    truth: Array | None = None,
+    source: str = "",
+    subject: str = "",
+    events: Iterable[Event] = (),
 ) -> Track:
-    def stack(name: str) -> Any:
-        return np.array([getattr(frame, name) for frame in frames])
+    """The Track that frames make, one or more, in order of time.
 
+    Args:
+        frames: as `Tracker.step` returns them.
+        model: the hand that was fitted.
+        settings, name, frame_index, truth, source, subject, events: as in `Track`.
+    """
+    arrays = {f.name: np.array([getattr(x, f.name) for x in frames]) for f in fields(TrackedFrame)}
     return Track(
-        name=sequence.name,
-        hand=sequence.hand,
-        time_ns=sequence.time_ns,
-        frame_index=sequence.frame_index,
-        observed=sequence.joints,
-        confidence=sequence.confidence,
-        truth=sequence.truth,
-        **{
-            name: stack(name)
-            for name in (
-                "angles_raw",
-                "angles",
-                "quaternion_raw",
-                "quaternion",
-                "translation_raw",
-                "translation",
-                "fitted_joints",
-                "filtered_joints",
-                "angle_variance",
-                "objective",
-                "sweeps",
-                "status",
-                "reason",
-            )
-        },
+        name=name,
+        hand=model.hand,
+        frame_index=np.array(frame_index, np.int64),
+        truth=truth,
         model=model,
         settings=settings,
         version=__version__,
-        source=sequence.source,
-        subject=sequence.subject,
-        events=events,
+        source=source,
+        subject=subject,
+        events=tuple(events),
+        **arrays,
     )

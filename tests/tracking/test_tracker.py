@@ -408,3 +408,19 @@ def test_confidence_is_a_weight(sample):
         for f in (trusted, doubted)
     ]
     assert error[1] < 0.8 * error[0]
+
+
+def test_the_parts_of_a_track_are_the_track(tracked, long):
+    parts: list[ht.Track] = []
+    ht.track(
+        replace(long, notes=("a note",)), filter=tracked.settings["filter"], on_part=parts.append
+    )
+    assert len(parts) > 1
+    for field in fields(ht.Track):
+        values = [getattr(part, field.name) for part in parts]
+        whole = getattr(tracked, field.name)
+        if field.name == "events":
+            assert values[0][0].text == "a note"
+            assert sum(values, ())[1:] == whole
+        elif isinstance(whole, np.ndarray):
+            np.testing.assert_array_equal(np.concatenate(values), whole)
