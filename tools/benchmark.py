@@ -82,21 +82,17 @@ def compiled(
     """
     n = len(joints)
     results = bcd.Results(n, full=False)
-    angles, root, memory = np.zeros(20), np.zeros(12), np.zeros(1, dtype=np.int64)
-    low, high, mean = model.limits.lower, model.limits.upper, model.mean_angles.copy()
-    hand = (model.rest_joints, model.axes, low, high, model.thumb_twist)
-    given = (hand, program.solvers, (*program.settings, 0, 0))
-    names = ("angles", "roots", "joints", "objective", "iterations", "state", "variance")
+    given = (bcd.constants(model), program.solvers, (*program.settings, 1, 0), model.mean_angles)
+    keep = bcd.start_at(model)
     times = np.empty((2, rounds, n))
     for r in range(rounds):
         for t in range(n):
-            out = [getattr(results, name)[t : t + 1] for name in names]
             for count in (0, 1):
                 if start is not None:
-                    angles[:], root[:] = start.angles[t], start.roots[t]
-                memory[0] = 0 if start is None else 2
-                targets, state = np.array(joints[t : t + count]), (angles, root, memory, 1)
-                every = (*given, targets, np.ones((1, 21)), mean, *state, *out, results.covariance)
+                    keep[:20], keep[20:32] = start.angles[t], start.roots[t]
+                keep[frames.MEMORY] = frames.NEW if start is None else frames.FITTED
+                targets, out = np.array(joints[t : t + count]), results.rows[t : t + count]
+                every = (*given, keep, targets, np.ones((count, 21)), out, results.covariance)
                 before = time.perf_counter_ns()
                 frames.fit_frames(*every)
                 times[count, r, t] = time.perf_counter_ns() - before
@@ -160,7 +156,7 @@ def fit_part(quick: bool, limits: str) -> dict[str, Rows]:
         for name, program in programs.items():
             seconds, fits = compiled(program, model, joints, start, 200 if name == OURS else 5)
             found[name] = seconds, fits.objective, fits.angles
-        first = [(model, y, start and start.fit(t, 21)) for t, y in enumerate(joints)]
+        first = [(model, y, start and start.fit(t)) for t, y in enumerate(joints)]
         found["ours: fit() from Python"] = each(bcd.fit, first, 20), *found[OURS][1:]
         poses = [(model, y, *mean_pose(model, y)) for y in joints]
         if start is not None:
@@ -187,16 +183,14 @@ def motion_part(quick: bool, limits: str) -> dict[str, Rows]:
         sequence = noisy_motion(150 if quick else 900, sigma)
         model, joints = calibrate(default, sequence).model, np.array(sequence.joints)
         fits = fitted(program, model, joints, False)
-        start = bcd.Results(len(joints) - 1, full=False)
-        start.angles, start.roots = fits.angles[:-1], fits.roots[:-1]
-        us = 1e6 * compiled(program, model, joints[1:], start, rounds)[0]
+        us = 1e6 * compiled(program, model, joints[1:], fits, rounds)[0]
         whole = each(fitted, [(program, model, joints, False)], rounds)[0]
         row = {"noise mm": sigma, "median us": np.median(us), "p99 us": np.percentile(us, 99)}
         row |= {"loop, mean us": 1e6 * whole / len(joints)}
         cases = list(zip(joints, sequence.time_ns.tolist(), strict=True))
         us = 1e6 * np.min([each(Tracker(model).step, cases, 1) for _ in range(rounds)], 0)
         row |= {"step() median us": np.median(us), "step() p99 us": np.percentile(us, 99)}
-        moving.append({**row, "Newton steps": fits.iterations[1:, 1].mean()})
+        moving.append({**row, "Newton steps": fits.steps[1:].mean()})
     for sigma in POSE_NOISE_MM:
         joints = noisy_poses(default, 100 if quick else 400, sigma)
         us = 1e6 * compiled(program, default, joints, None, rounds)[0]

@@ -122,9 +122,9 @@ def fitted(
         start: (20,) angles of a cold start; the mean pose if left out.
     """
     results = bcd.Results(len(joints), full)
-    angles = (model.mean_angles if start is None else start).copy()
+    start = model.mean_angles if start is None else start
     weights = np.ones(joints.shape[:2])
-    results.run(program, model, joints, weights, angles, np.zeros(12), 0, 1, alone)
+    results.run(program, model, joints.copy(), weights, bcd.start_at(model), start, 1, alone)
     return results
 
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from handtrack.errors import InputError, SettingsError
 from handtrack.fitting import bcd
 from handtrack.hand.model import HandModel
-from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
+from handtrack.hand.skeleton import N_JOINTS
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ class BatchFit:
         angles: (N, 20) [rad]; rotation: (N, 3, 3); translation: (N, 3) [m];
             joints: (N, 21, 3) [m]; objective: (N,) [m^2]; variance: (N, 20) [rad^2].
         status: (N,) "converged", "iteration limit", "underdetermined"; "missing" where a frame
-            has no joint at all: its poses are NaN.
+            has no joint at all: its poses are NaN, its variances infinite.
     """
 
     angles: Array
@@ -45,12 +45,13 @@ def fit_batch(
     method: bcd.Method = "newton",
     robust: bcd.Robust = "none",
     spread_mm: float = bcd.SPREAD_MM,
+    noise_mm: float | None = None,
     threads: int | None = None,
 ) -> BatchFit:
     """Fit a hand model to many unrelated frames, each from the model's mean pose.
 
     Args:
-        model, update, method, robust, spread_mm: as in `fit`.
+        model, update, method, robust, spread_mm, noise_mm: as in `fit`.
         joints: (N, 21, 3) in the world [m]; NaN = missing.
         weights: (N, 21) or (21,), not negative; 1 by default.
         threads: as many as there are cores by default.
@@ -62,26 +63,20 @@ def fit_batch(
     targets = np.array(joints, dtype=np.float64, order="C")
     if targets.ndim != 3 or targets.shape[1:] != (N_JOINTS, 3):
         raise InputError(f"joints have shape {targets.shape}, expected (frames, 21, 3)")
-    if np.isinf(targets).any():
-        raise InputError("a joint is infinite, expected metres or NaN")
     n = len(targets)
     given = np.ones(N_JOINTS) if weights is None else np.asarray(weights, dtype=np.float64)
     if given.shape not in ((N_JOINTS,), (n, N_JOINTS)):
         raise InputError(f"weights have shape {given.shape}, expected ({n}, 21) or (21,)")
-    if not np.isfinite(given).all() or (given < 0).any():
-        raise InputError("weights must be finite and not negative")
-    missing = np.isnan(targets).any(-1)
-    w = np.where(missing, 0.0, given)
-    targets[missing] = 0.0
+    w = np.array(np.broadcast_to(given, (n, N_JOINTS)))
     threads = os.cpu_count() or 1 if threads is None else threads
     if threads < 1:
         raise SettingsError(f"threads is {threads}, expected at least 1")
-    program = bcd.Program(update, method, robust, spread_mm)
+    program = bcd.Program(update, method, robust, spread_mm, noise_mm=noise_mm)
 
     def run(part: slice) -> bcd.Results:
         results = bcd.Results(len(targets[part]), full=False)
-        start = model.mean_angles.copy()
-        results.run(program, model, targets[part], w[part], start, np.zeros(12), 0, 1, alone=True)
+        keep, start = bcd.start_at(model), model.mean_angles
+        results.run(program, model, targets[part], w[part], keep, start, alone=True)
         return results
 
     size = max(-(-n // threads), 1)
@@ -91,15 +86,14 @@ def fit_batch(
     def join(name: str) -> Array:
         return np.concatenate([getattr(part, name) for part in parts])
 
-    roots, objective = join("roots"), join("objective")
-    noise = bcd.residual_noise(objective, (w > 0).sum(1))
-    status = np.array([bcd.STATUS.get(int(s), "missing") for s in join("state")], dtype=str)
+    roots = join("roots")
+    status = np.array([bcd.STATUS.get(int(s), "missing") for s in join("states")], dtype=str)
     return BatchFit(
         angles=join("angles"),
         rotation=roots[:, :9].reshape(-1, 3, 3),
         translation=roots[:, 9:],
         joints=join("joints"),
-        objective=objective,
-        variance=bcd.at_noise(join("variance")[:, :N_ANGLES], noise[:, None]),
+        objective=join("objective"),
+        variance=join("variance"),
         status=status,
     )

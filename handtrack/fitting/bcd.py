@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -92,6 +92,7 @@ def fit(
     starts: int = 1,
     max_sweeps: int = MAX_SWEEPS,
     tolerance: float = TOLERANCE,
+    noise_mm: float | None = None,
 ) -> Fit:
     """Fit a hand model to joints (Li et al. 2021, eq. 6).
 
@@ -112,6 +113,8 @@ def fit(
         max_sweeps: sweeps of plain Algorithm 1 at most.
         tolerance: stop when a sweep, or a step's promise, improves the objective by less than
             this share of it.
+        noise_mm: standard deviation of a joint's coordinates [mm], for the covariance; by
+            default it is estimated from the residual.
 
     Returns:
         The fit. Its status says where the joints do not determine the pose; angles that
@@ -123,26 +126,23 @@ def fit(
         SettingsError: an unknown update or method, or limits of the iteration that make no
             sense.
     """
-    if update not in UPDATES:
-        raise SettingsError(f"update {update!r} is unknown, expected exact or li2021")
-    if method not in METHODS:
-        raise SettingsError(f"method {method!r} is unknown, expected newton or bcd")
-    if max_sweeps < 1 or not tolerance >= 0:
-        raise SettingsError("max_sweeps must be at least 1 and tolerance at least 0")
     if starts < 1:
         raise SettingsError(f"starts is {starts}, expected at least 1")
+    program = Program(update, method, robust, spread_mm, max_sweeps, tolerance, noise_mm)
     targets, w = observations(joints, weights)
-    angles, root = _start(model, start)
-    program = Program(update, method, robust, spread_mm, max_sweeps, tolerance)
+    keep = start_at(model, start)
+    first = keep[: frames.KEEP_ROOT].copy()
     rng = np.random.default_rng(0)
     fits = []
     for i in range(starts):
         if i > 0:
-            angles = model.limits.clamp(rng.uniform(model.limits.lower, model.limits.upper))
+            first = model.limits.clamp(rng.uniform(model.limits.lower, model.limits.upper))
+            keep[frames.MEMORY] = frames.NEW
         results = Results(1)
-        memory = 2 if isinstance(start, Fit) and i == 0 else 0
-        results.run(program, model, targets[None], w[None], angles, root, memory, 1)
-        fits.append(results.fit(0, int((w > 0).sum())))
+        results.run(program, model, targets, w, keep, first)
+        if not w.any():
+            raise InputError("every joint is missing or has no weight")
+        fits.append(results.fit(0))
     return min(fits, key=lambda f: f.objective)
 
 
@@ -157,6 +157,7 @@ class Program:
         spread_mm: float = SPREAD_MM,
         max_sweeps: int = MAX_SWEEPS,
         tolerance: float = TOLERANCE,
+        noise_mm: float | None = None,
     ):
         """As in `fit`.
 
@@ -173,6 +174,8 @@ class Program:
             raise SettingsError(f"spread_mm is {spread_mm}, expected a positive number")
         if max_sweeps < 1 or not tolerance >= 0:
             raise SettingsError("max_sweeps must be at least 1 and tolerance at least 0")
+        if noise_mm is not None and not 0 < noise_mm < np.inf:
+            raise SettingsError(f"noise_mm is {noise_mm}, expected a positive number")
         if update == "exact":
             from handtrack.fitting.descent import bcd_exact as bcd
         else:
@@ -188,26 +191,63 @@ class Program:
             share,
             LOSSES[robust],
             1e-3 * spread_mm,
+            0.0 if noise_mm is None else (1e-3 * noise_mm) ** 2,
         )
 
 
 class Results:
-    """The arrays that `frames.fit_frames` writes, for T frames; NaN where nothing is fitted."""
+    """What `frames.fit_frames` says of T frames; NaN where nothing is fitted.
+
+    Attributes:
+        rows: (T, OUT_SIZE) as in `frames`; the arrays below are views of it.
+        angles: (T, 20) [rad]; roots: (T, 12) rotation and translation [m];
+            joints: (T, 21, 3) [m]; objective: (T,) [m^2].
+        noise: (T,) variance of the joints per coordinate [m^2], given or from the residual.
+        variance: (T, 20) of the angles [rad^2].
+        covariance: (T, 26, 26) at unit noise, or (0, 26, 26).
+    """
 
     def __init__(self, n: int, full: bool = True):
         """Args:
         n: how many frames.
         full: whether covariances are wanted, or only variances.
         """
-        self.full = full
-        self.angles = np.full((n, N_ANGLES), np.nan)
-        self.roots = np.full((n, 12), np.nan)
-        self.joints = np.full((n, N_JOINTS, 3), np.nan)
-        self.objective = np.full(n, np.nan)
-        self.iterations = np.zeros((n, 2), dtype=np.int64)
-        self.state = np.zeros(n, dtype=np.int64)
-        self.variance = np.full((n, N_POSE), np.nan)
-        self.covariance = np.full((n if full else 0, N_POSE, N_POSE), np.nan)
+        self.rows = np.empty((n, frames.OUT_SIZE))
+        self.covariance = np.empty((n if full else 0, N_POSE, N_POSE))
+
+    @property
+    def angles(self) -> Array:
+        return self.rows[:, _ANGLES]
+
+    @property
+    def roots(self) -> Array:
+        return self.rows[:, _ROOT]
+
+    @property
+    def joints(self) -> Array:
+        return self.rows[:, _JOINTS].reshape(-1, N_JOINTS, 3)
+
+    @property
+    def objective(self) -> Array:
+        return self.rows[:, frames.OUT_OBJECTIVE]
+
+    @property
+    def noise(self) -> Array:
+        return self.rows[:, frames.OUT_NOISE]
+
+    @property
+    def states(self) -> Array:
+        """(T,) as `lanes` names them."""
+        return self.rows[:, frames.OUT_STATE]
+
+    @property
+    def steps(self) -> Array:
+        """(T,) Newton steps."""
+        return self.rows[:, frames.OUT_STEPS]
+
+    @property
+    def variance(self) -> Array:
+        return self.rows[:, _VARIANCE]
 
     def run(
         self,
@@ -215,91 +255,115 @@ class Results:
         model: HandModel,
         targets: Array,
         weights: Array,
-        angles: Array,
-        root: Array,
-        memory: int,
-        min_joints: int,
+        keep: Array,
+        start: Array,
+        min_joints: int = 1,
         alone: bool = False,
-    ) -> int:
-        """Fit the frames, each from the one before; angles and root are overwritten.
+    ) -> None:
+        """Fit the frames, each from the one before.
 
-        A cold start begins at `angles` with memory 0, else at the model's mean pose; alone,
-        every frame is a cold start at `angles`. Returns the memory for the next frames (see
-        `frames.fit_frames`).
+        Args:
+            targets, weights: (T, 21, 3) [m] and (T, 21); overwritten (see `frames.fit_frames`).
+            keep: (33,) from `start_at`, what is known of the frames before; overwritten.
+            start: (20,) the angles of a cold start [rad].
+            min_joints: a frame with fewer joints is not fitted, nor one with its joints on a
+                line; with 1 every frame is that has a joint.
+            alone: every frame is a cold start.
+
+        Raises:
+            InputError: a joint is infinite, or a weight negative or not finite.
         """
-        state = np.array([memory])
-        # one type of array: compiled code is made anew for read-only ones
-        targets, weights = np.array(targets, order="C"), np.array(weights, order="C")
-        self._fit(
-            model,
+        wrong = frames.fit_frames(
+            constants(model),
             program.solvers,
-            (*program.settings, int(alone), int(self.full)),
+            (*program.settings, min_joints, int(alone)),
+            start,
+            keep,
             targets,
             weights,
-            angles.copy() if memory == 0 else model.mean_angles,
-            angles,
-            root,
-            state,
-            min_joints,
-        )
-        return int(state[0])
-
-    def load(self, model: HandModel) -> None:
-        """Have the frame loop's machine code ready, without its solvers."""
-        n = len(self.objective)
-        joints, w = np.zeros((n, N_JOINTS, 3)), np.zeros((n, N_JOINTS))
-        angles, root, state = model.mean_angles, np.zeros(12), np.zeros(1, dtype=np.int64)
-        self._fit(
-            model,
-            (0, 0, 0),
-            (0, 1, 1, 0.0, 0, 0.0, 0, 0),
-            joints,
-            w,
-            angles,
-            angles.copy(),
-            root,
-            state,
-            1,
-        )
-
-    def _fit(self, model: HandModel, *arguments: Any) -> None:
-        limits = model.limits
-        frames.fit_frames(
-            (model.rest_joints, model.axes, limits.lower, limits.upper, model.thumb_twist),
-            *arguments,
-            self.angles,
-            self.roots,
-            self.joints,
-            self.objective,
-            self.iterations,
-            self.state,
-            self.variance,
+            self.rows,
             self.covariance,
         )
+        if wrong == frames.INFINITE_JOINT:
+            raise InputError("a joint is infinite, expected metres or NaN")
+        if wrong == frames.BAD_WEIGHT:
+            raise InputError("a joint's weight (confidence) is negative or not finite")
 
-    def fit(self, t: int, seen: int) -> Fit:
-        """Frame t as a Fit, with the noise of its own residual (`seen` joints)."""
+    def row(self, t: int) -> Row:
+        """Frame t, its arrays as views."""
+        row = self.rows[t]
+        objective, noise, seen, state, sweeps, steps = row[_NUMBERS].tolist()
+        return Row(
+            row[_ANGLES],
+            row[_TURN].reshape(3, 3),
+            row[_SHIFT],
+            row[_QUATERNION],
+            row[_JOINTS].reshape(N_JOINTS, 3),
+            row[_VARIANCE],
+            objective,
+            noise,
+            int(seen),
+            int(state),
+            int(sweeps),
+            int(steps),
+        )
+
+    def fit(self, t: int) -> Fit:
+        """Frame t as a Fit."""
+        row = self.row(t)
+        covariance = at_noise(self.covariance[t], row.noise)
+        covariance[_DIAGONAL] = row.variance  # to the last digit
         return Fit(
-            angles=self.angles[t],
-            rotation=self.roots[t, :9].reshape(3, 3),
-            translation=self.roots[t, 9:],
-            joints=self.joints[t],
-            objective=float(self.objective[t]),
-            sweeps=int(self.iterations[t, 0]),
-            steps=int(self.iterations[t, 1]),
-            covariance=at_noise(self.covariance[t], residual_noise(self.objective[t], seen)),
-            status=STATUS[int(self.state[t])],
+            angles=row.angles,
+            rotation=row.rotation,
+            translation=row.translation,
+            joints=row.joints,
+            objective=row.objective,
+            sweeps=row.sweeps,
+            steps=row.steps,
+            covariance=covariance,
+            status=STATUS[row.state],
         )
 
 
-def residual_noise(objective: Any, seen: Any) -> Any:
-    """Variance of the joints per coordinate [m^2] that the residual of a fit shows.
+_ANGLES, _TURN = slice(frames.OUT_ANGLES, frames.OUT_ROOT), slice(frames.OUT_ROOT, frames.OUT_SHIFT)
+_ROOT = slice(frames.OUT_ROOT, frames.OUT_QUATERNION)
+_SHIFT = slice(frames.OUT_SHIFT, frames.OUT_QUATERNION)
+_QUATERNION = slice(frames.OUT_QUATERNION, frames.OUT_JOINTS)
+_JOINTS = slice(frames.OUT_JOINTS, frames.OUT_OBJECTIVE)
+_NUMBERS = slice(frames.OUT_OBJECTIVE, frames.OUT_VARIANCE)
+_VARIANCE = slice(frames.OUT_VARIANCE, frames.OUT_SIZE)
 
-    Args:
-        objective: sums of squared distances [m^2].
-        seen: joints that were fitted, which leave 3 seen - 26 degrees of freedom.
+
+_DIAGONAL = (np.arange(N_ANGLES), np.arange(N_ANGLES))
+
+
+class Row(NamedTuple):
+    """Results of one frame, as in `Results`; poses are NaN where nothing is fitted.
+
+    Attributes:
+        seen: joints with a weight.
+        state: as `lanes` names them.
     """
-    return objective / np.maximum(3 * seen - N_POSE, 1)
+
+    angles: Array
+    rotation: Array
+    translation: Array
+    quaternion: Array
+    joints: Array
+    variance: Array
+    objective: float
+    noise: float
+    seen: int
+    state: int
+    sweeps: int
+    steps: int
+
+
+def constants(model: HandModel) -> tuple[Array, Array, Array, Array, float]:
+    """What `frames.fit_frames` takes of a model."""
+    limits = model.limits
+    return model.rest_joints, model.axes, limits.lower, limits.upper, model.thumb_twist
 
 
 def at_noise(unit: Array, noise: Any) -> Array:
@@ -309,41 +373,39 @@ def at_noise(unit: Array, noise: Any) -> Array:
 
 
 def observations(joints: ArrayLike, weights: ArrayLike | None) -> tuple[Array, Array]:
-    """Targets (21, 3) without NaN and weights (21,), 0 where a joint is missing.
+    """One frame for `Results.run`: targets (1, 21, 3) and weights (1, 21), as copies.
 
     Raises:
-        InputError: as `fit`.
+        InputError: wrong shapes.
     """
-    targets = np.array(joints, dtype=np.float64)
+    targets = np.array(joints, dtype=np.float64, order="C")
     if targets.shape != (N_JOINTS, 3):
         raise InputError(f"joints have shape {targets.shape}, expected (21, 3)")
-    if np.isinf(targets).any():
-        raise InputError("a joint is infinite, expected metres or NaN")
-    w = np.ones(N_JOINTS) if weights is None else np.array(weights, dtype=np.float64)
+    w = _ONES.copy() if weights is None else np.array(weights, dtype=np.float64)
     if w.shape != (N_JOINTS,):
-        raise InputError(f"weights have shape {w.shape}, expected (21,)")
-    if not np.isfinite(w).all() or w.min() < 0:
-        raise InputError("weights must be finite and not negative")
-    missing = np.isnan(targets).any(1)
-    w[missing] = 0.0
-    targets[missing] = 0.0
-    if not w.any():
-        raise InputError("every joint is missing or has no weight")
-    return targets, w
+        raise InputError(f"weights (confidence) have shape {w.shape}, expected (21,)")
+    return targets[None], w[None]
 
 
-def _start(model: HandModel, start: Fit | ArrayLike | None) -> tuple[Array, Array]:
-    root = np.zeros(12)
+_ONES = np.ones(N_JOINTS)
+
+
+def start_at(model: HandModel, start: Fit | ArrayLike | None = None) -> Array:
+    """What `Results.run` keeps from frame to frame, before the first one (see `fit`)."""
+    keep = np.zeros(frames.KEEP_SIZE)
+    root = keep[frames.KEEP_ROOT : frames.MEMORY]
     root[[0, 4, 8]] = 1.0
     if isinstance(start, Fit):
         root[:9], root[9:] = start.rotation.ravel(), start.translation
+        keep[frames.MEMORY] = frames.FITTED
         given: ArrayLike = start.angles
     else:
         given = model.mean_angles if start is None else start
     angles = np.asarray(given, dtype=np.float64)
     if angles.shape != (N_ANGLES,) or not np.isfinite(angles).all():
         raise InputError(f"the start has shape {angles.shape}, expected 20 finite angles [rad]")
-    return model.limits.clamp(angles), root
+    keep[: frames.KEEP_ROOT] = model.limits.clamp(angles)
+    return keep
 
 
 def warm_up() -> None:
@@ -357,7 +419,11 @@ def warm_up() -> None:
         )
     model = HandModel.default()
     ready = [solve.newton.address]
-    Results(0).load(model)
+    # the frame loop with no frame
+    none = np.empty((0, N_JOINTS, 3)), np.empty((0, N_JOINTS))
+    settings = (0, 1, 1, 0.0, lanes.NO_LOSS, 0.0, 0.0, 1, 0)
+    arrays = (model.mean_angles, start_at(model), *none, Results(0).rows, Results(0).covariance)
+    frames.fit_frames(constants(model), (0, 0, 0), settings, *arrays)
     if beside is not None:
         beside.wait()
     ready += [descent.bcd_exact.address, covariance.unit_covariance.address]

@@ -39,6 +39,20 @@ from handtrack.fitting.vectors import add, row, scale, sub
 # joints nearer than this to one line leave the rotation about it open [m]
 LINE = 1e-4
 
+# a frame's row of results: angles, rotation, translation, quaternion, joints, objective, noise
+# (variance per coordinate), joints seen, state, sweeps, steps, variances of the angles
+OUT_ANGLES, OUT_ROOT, OUT_SHIFT, OUT_QUATERNION, OUT_JOINTS, OUT_OBJECTIVE = 0, 20, 29, 32, 36, 99
+OUT_NOISE, OUT_SEEN, OUT_STATE, OUT_SWEEPS, OUT_STEPS, OUT_VARIANCE = range(100, 106)
+OUT_SIZE = OUT_VARIANCE + 20
+
+# what is kept from frame to frame: angles, root, and whether they mean anything
+KEEP_ROOT, MEMORY = 20, 32
+KEEP_SIZE = 33
+NEW, LOST, FITTED = 0, 1, 2
+
+# what is wrong with a frame's input
+GOOD, INFINITE_JOINT, BAD_WEIGHT = range(3)
+
 
 @inline
 def on_a_line(targets, weights):
@@ -65,27 +79,49 @@ def on_a_line(targets, weights):
     return not minors > LINE * LINE * (xx + yy + zz)
 
 
+@inline
+def clean(targets, weights):
+    """Make joints with a NaN missing, with no weight; what is wrong with the frame otherwise."""
+    wrong = GOOD
+    for k in range(21):
+        if not 0.0 <= weights[k] < math.inf:
+            wrong = BAD_WEIGHT
+        x = row(targets, k)
+        if math.isinf(x[0]) or math.isinf(x[1]) or math.isinf(x[2]):
+            wrong = INFINITE_JOINT
+        elif math.isnan(x[0]) or math.isnan(x[1]) or math.isnan(x[2]):
+            targets[k, 0] = targets[k, 1] = targets[k, 2] = math.nan
+            weights[k] = 0.0
+    return wrong
+
+
+@inline
+def store_quaternion(out, i, root):
+    """Unit quaternion wxyz, w >= 0, of the rotation (9,) that root begins with, at out[i:i + 4].
+
+    From the largest of the four squared components, so it is accurate at any angle.
+    """
+    xx, yy, zz = root[0], root[4], root[8]
+    x, y, z = root[7] - root[5], root[2] - root[6], root[3] - root[1]
+    xy, xz, yz = root[1] + root[3], root[2] + root[6], root[5] + root[7]
+    trace = xx + yy + zz
+    if trace >= max(xx, yy, zz):
+        q = (1.0 + trace, x, y, z)
+    elif xx >= yy and xx >= zz:
+        q = (x, 1.0 + xx - yy - zz, xy, xz)
+    elif yy >= zz:
+        q = (y, xy, 1.0 - xx + yy - zz, yz)
+    else:
+        q = (z, xz, yz, 1.0 - xx - yy + zz)
+    n = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    if q[0] < 0.0:
+        n = -n
+    for j in range(4):
+        out[i + j] = n * q[j]
+
+
 @kernel
-def fit_frames(
-    model,
-    solvers,
-    settings,
-    targets,
-    weights,
-    mean,
-    angles,
-    root,
-    memory,
-    min_joints,
-    out_angles,
-    out_roots,
-    out_joints,
-    out_objective,
-    out_iterations,
-    out_state,
-    out_variance,
-    out_covariance,
-):
+def fit_frames(model, solvers, settings, mean, keep, targets, weights, out, out_covariance):
     """Fit frame after frame, each from the one before.
 
     Args:
@@ -93,33 +129,42 @@ def fit_frames(
         solvers: addresses of Algorithm 1, of the Newton steps (0: Algorithm 1 alone) and of
             the covariance.
         settings: (sweeps of a cold start, sweeps at most, steps at most, tolerance, robust loss,
-            its spread [m], 1 where every frame starts anew from `mean`, 1 for the full
-            covariance or 0 for the variances of the angles alone).
-        targets: (T, 21, 3); weights: (T, 21), 0 where a joint is missing.
+            its spread [m], variance of the joints [m^2] or 0 for what the residual shows, joints
+            below which a frame is not fitted, 1 where every frame starts anew from `mean`). With
+            at least one joint every frame is fitted that has one, else also none with its joints
+            on a line.
         mean: (20,) the pose of a cold start.
-        angles, root: (20,), (12,) the last fitted pose; overwritten.
-        memory: (1,) 0 before anything was fitted, 1 after a loss, 2 after a fitted frame;
-            overwritten.
-        min_joints: a frame with fewer joints is not fitted, nor one with its joints on a
-            line; with 1 every frame is.
-        out_*: results of every frame, left as they are where nothing is fitted; iterations
-            (T, 2) are sweeps and steps;
-            out_variance (T, 26) and out_covariance (T, 26, 26) at unit noise.
+        keep: (KEEP_SIZE,) the last fitted pose, and MEMORY: NEW before anything was fitted, LOST
+            after a loss, FITTED after a fitted frame; overwritten.
+        targets: (T, 21, 3), NaN = missing; weights: (T, 21). Overwritten: a joint is missing as
+            a whole and has no weight then.
+        out: (T, OUT_SIZE) results, NaN where nothing is fitted and variances infinite.
+        out_covariance: (T, 26, 26) at unit noise, left as they are where nothing is fitted; or
+            (0, 26, 26), and the variances of the angles are all that is computed.
+
+    Returns:
+        GOOD; INFINITE_JOINT or BAD_WEIGHT (negative or not finite), and nothing is fitted.
     """
     rest, axes, lower, upper, twist = model
     descend, newton, covariance = solvers
-    cold_sweeps, max_sweeps, max_steps, tolerance, loss, spread, alone, full = settings
+    cold_sweeps, max_sweeps, max_steps, tolerance, loss, spread, known, min_joints, alone = settings
+    for t in range(len(targets)):
+        wrong = clean(targets[t], weights[t])
+        if wrong != GOOD:
+            return wrong
     s = np.zeros(SIZE)
     load_model(s, rest, axes, lower, upper, twist)
+    full = len(out_covariance) > 0
     s[MAX_STEPS] = max_steps
-    s[FULL] = full
+    s[FULL] = 1.0 if full else 0.0
     s[LOSS] = loss
     s[SPREAD2] = spread * spread
+    angles, root = keep[:KEEP_ROOT], keep[KEEP_ROOT:MEMORY]
     best_angles = np.empty(20)
     best_root = np.empty(12)
     for t in range(len(targets)):
         if alone:
-            memory[0] = 0
+            keep[MEMORY] = NEW
         seen = 0
         scale = 0.0
         for k in range(21):
@@ -129,15 +174,21 @@ def fit_frames(
         s[SWEEPS] = s[STEPS] = 0.0
         line = seen < 3 or on_a_line(targets[t], weights[t])
         if seen < min_joints or (line and min_joints > 1):
-            memory[0] = min(memory[0], 1)
-            # the arrays came filled with "nothing fitted"
-            out_state[t] = TOO_FEW if seen < min_joints else UNDERDETERMINED
+            keep[MEMORY] = min(keep[MEMORY], LOST)
+            for i in range(OUT_VARIANCE):
+                out[t, i] = math.nan
+            for i in range(20):
+                out[t, OUT_VARIANCE + i] = math.inf
+            out[t, OUT_SEEN] = seen
+            out[t, OUT_STATE] = TOO_FEW if seen < min_joints else UNDERDETERMINED
+            out[t, OUT_SWEEPS] = out[t, OUT_STEPS] = 0.0
             continue
         load_frame(s, targets[t], weights[t], scale)
         best = math.inf
         state = STALLED
         # from the last pose; where that is not the frame before's, from the mean pose as well
-        for cold in range(0 if memory[0] > 0 else 1, 1 if memory[0] == 2 else 2):
+        first = 0 if keep[MEMORY] > NEW else 1
+        for cold in range(first, 1 if keep[MEMORY] == FITTED else 2):
             load_pose(s, mean if cold else angles, root)
             s[STATE] = STALLED
             s[COLD] = cold
@@ -158,21 +209,28 @@ def fit_frames(
                 best = s[OBJECTIVE]
                 state = int(s[STATE])
                 store_pose(s, best_angles, best_root)
-        memory[0] = 2
+        keep[MEMORY] = FITTED
         load_pose(s, best_angles, best_root)
         store_pose(s, angles, root)
         call(covariance, s)
-        store_joints(s, out_joints[t])
+        store_joints(s, out[t, OUT_JOINTS:OUT_OBJECTIVE].reshape(21, 3))
         for i in range(20):
-            out_angles[t, i] = angles[i]
+            out[t, OUT_ANGLES + i] = angles[i]
         for i in range(12):
-            out_roots[t, i] = root[i]
-        out_objective[t] = best * scale
-        out_iterations[t, 0] = s[SWEEPS]
-        out_iterations[t, 1] = s[STEPS]
-        out_state[t] = UNDERDETERMINED if line else state
-        for i in range(26):
-            out_variance[t, i] = s[COVARIANCE + 27 * i] / scale
-            if full:
+            out[t, OUT_ROOT + i] = root[i]
+        store_quaternion(out[t], OUT_QUATERNION, root)
+        objective = best * scale
+        noise = known if known > 0.0 else objective / max(3 * seen - 26, 1)
+        out[t, OUT_OBJECTIVE] = objective
+        out[t, OUT_NOISE] = noise
+        out[t, OUT_SEEN] = seen
+        out[t, OUT_STATE] = UNDERDETERMINED if line else state
+        out[t, OUT_SWEEPS], out[t, OUT_STEPS] = s[SWEEPS], s[STEPS]
+        for i in range(20):
+            v = s[COVARIANCE + 27 * i]
+            out[t, OUT_VARIANCE + i] = v if math.isinf(v) else v / scale * noise
+        if full:
+            for i in range(26):
                 for j in range(26):
                     out_covariance[t, i, j] = s[COVARIANCE + 26 * i + j] / scale
+    return GOOD

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
@@ -37,7 +38,12 @@ _DIAGONAL = (np.arange(N_ANGLES), np.arange(N_ANGLES))
 # frames that are fitted at once in a whole sequence
 _CHUNK = 256
 
-_NOTHING = Pose(np.full(N_ANGLES, np.nan), np.full((3, 3), np.nan), np.full(3, np.nan))
+# pose, quaternion and joints that are not known
+_NOWHERE = (
+    Pose(np.full(N_ANGLES, np.nan), np.full((3, 3), np.nan), np.full(3, np.nan)),
+    np.full(4, np.nan),
+    np.full((N_JOINTS, 3), np.nan),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,9 +115,7 @@ class Tracker:
     def reset(self) -> None:
         """Forget all frames seen, as if the tracker were new."""
         self._filter.reset()
-        self._angles = self.model.mean_angles.copy()
-        self._root = np.zeros(12)
-        self._memory = 0
+        self._keep = bcd.start_at(self.model)
         self._time_ns: int | None = None
         self._fitted_ns: int | None = None
         self._noise: float | None = None
@@ -133,135 +137,94 @@ class Tracker:
         Raises:
             InputError: wrong shapes or values, or time that does not increase.
         """
-        observed = np.array(joints, dtype=np.float64)
-        if observed.shape != (N_JOINTS, 3):
-            raise InputError(f"joints have shape {observed.shape}, expected (21, 3)")
-        if np.isinf(observed).any():
-            raise InputError("a joint is infinite, expected metres or NaN")
-        w = np.ones(N_JOINTS) if confidence is None else np.array(confidence, dtype=np.float64)
-        if w.shape != (N_JOINTS,) or not np.isfinite(w).all() or w.min() < 0:
-            raise InputError("confidence must be 21 finite numbers, none negative")
-        observed[np.isnan(observed).any(1)] = np.nan
-        w[np.isnan(observed[:, 0])] = 0.0
-        return self._advance(np.array([int(time_ns)]), observed[None], w[None])[0]
+        observed, w = bcd.observations(joints, confidence)
+        return self._advance((int(time_ns),), observed, w)[0]
 
-    def _advance(self, time_ns: NDArray[np.int64], observed: Array, w: Array) -> list[TrackedFrame]:
-        """Track the next frames: (T,), (T, 21, 3) with NaN, (T, 21)."""
-        if self._time_ns is not None and time_ns[0] <= self._time_ns:
+    def _advance(
+        self, times_ns: list[int] | tuple[int, ...], observed: Array, w: Array
+    ) -> list[TrackedFrame]:
+        """Track the next frames: times (T,), joints (T, 21, 3), weights (T, 21).
+
+        Joints and weights are kept, and missing joints made clear in them.
+        """
+        if self._time_ns is not None and times_ns[0] <= self._time_ns:
             raise InputError(
                 f"time does not increase: the last frame was at {self._time_ns * 1e-9:.6f} s,"
-                f" this one is at {time_ns[0] * 1e-9:.6f} s"
+                f" this one is at {times_ns[0] * 1e-9:.6f} s"
             )
-        results = bcd.Results(len(time_ns), full=self.settings["filter"] != "none")
-        self._memory = results.run(
-            self._program,
-            self.model,
-            np.nan_to_num(observed),
-            w,
-            self._angles,
-            self._root,
-            self._memory,
-            self.settings["min_joints"],
-        )
-        quaternions = matrix_to_quaternion(results.roots[:, :9].reshape(-1, 3, 3))
-        seen = (w > 0).sum(1)
-        noise = bcd.residual_noise(results.objective, seen)
-        variance = bcd.at_noise(results.variance[:, :N_ANGLES], noise[:, None])
+        results = bcd.Results(len(times_ns), full=self.settings["filter"] != "none")
+        model, least = self.model, self.settings["min_joints"]
+        results.run(self._program, model, observed, w, self._keep, model.mean_angles, least)
         return [
-            self._frame(
-                int(time_ns[t]),
-                observed[t],
-                w[t],
-                results,
-                t,
-                quaternions[t],
-                variance[t],
-                float(noise[t]),
-                int(seen[t]),
-            )
-            for t in range(len(time_ns))
+            self._frame(time_ns, observed[t], w[t], results, t)
+            for t, time_ns in enumerate(times_ns)
         ]
 
     def _frame(
-        self,
-        time_ns: int,
-        observed: Array,
-        w: Array,
-        results: bcd.Results,
-        t: int,
-        quaternion: Array,
-        variance: Array,
-        noise: float,
-        seen: int,
+        self, time_ns: int, observed: Array, w: Array, results: bcd.Results, t: int
     ) -> TrackedFrame:
-        state = int(results.state[t])
-        fitted = bool(np.isfinite(results.objective[t]))
+        row = results.row(t)
+        raw = Pose(row.angles, row.rotation, row.translation)
+        fitted = not math.isnan(row.objective)
         reason = ""
-        if state == lanes.TOO_FEW:
-            reason = f"{seen} of 21 joints observed, {self.settings['min_joints']} needed"
-        elif state == lanes.UNDERDETERMINED:
+        if row.state == lanes.TOO_FEW:
+            reason = f"{row.seen} of 21 joints observed, {self.settings['min_joints']} needed"
+        elif row.state == lanes.UNDERDETERMINED:
             reason = "the observed joints lie on a line"
-        elif state != lanes.CONVERGED:
-            reason = bcd.STATUS[state]
-        raw = Pose(results.angles[t], results.roots[t, :9].reshape(3, 3), results.roots[t, 9:])
-        filtered: Pose | None = raw
+        elif row.state != lanes.CONVERGED:
+            reason = bcd.STATUS[row.state]
+        pose, q, filtered_joints = raw, row.quaternion, row.joints
+        status = "fitted" if fitted else "lost"
         if self.settings["filter"] != "none":
-            filtered = self._filtered(time_ns, raw if fitted else None, results, t, noise)
-        elif not fitted:
-            filtered = None
-        if fitted:
-            status = "fitted"
-        else:
-            status = "lost" if filtered is None else "predicted"
-            variance = np.full(N_ANGLES, np.inf)
+            covariance = results.covariance[t] if fitted else None
+            filtered = self._filtered(time_ns, raw, covariance, row.noise)
+            pose, q, filtered_joints = _NOWHERE
+            if filtered is not None:
+                pose, q = filtered, matrix_to_quaternion(filtered.rotation)
+                filtered_joints = self.model.joints(*filtered)
+                status = "fitted" if fitted else "predicted"
         self._time_ns = time_ns
-        joints = results.joints[t]
-        if filtered is None:
-            pose, q, filtered_joints = _NOTHING, np.full(4, np.nan), np.full((N_JOINTS, 3), np.nan)
-        elif filtered is raw:
-            pose, q, filtered_joints = raw, quaternion, joints
-        else:
-            pose = filtered
-            q = matrix_to_quaternion(pose.rotation)
-            filtered_joints = self.model.joints(*pose)
         return TrackedFrame(
             time_ns=time_ns,
             observed=observed,
             confidence=w,
             angles_raw=raw.angles,
             angles=pose.angles,
-            quaternion_raw=quaternion,
+            quaternion_raw=row.quaternion,
             quaternion=q,
             translation_raw=raw.translation,
             translation=pose.translation,
-            fitted_joints=joints,
+            fitted_joints=row.joints,
             filtered_joints=filtered_joints,
-            angle_variance=variance,
-            objective=float(results.objective[t]),
-            sweeps=int(results.iterations[t].sum()),
+            angle_variance=row.variance,
+            objective=row.objective,
+            sweeps=row.sweeps + row.steps,
             status=status,
             reason=reason,
         )
 
-    def _filtered(
-        self, time_ns: int, raw: Pose | None, results: bcd.Results, t: int, noise: float
-    ) -> Pose | None:
-        """What the filter makes of a frame; None where it has coasted for too long."""
+    def _filtered(self, time_ns: int, raw: Pose, unit: Array | None, noise: float) -> Pose | None:
+        """What the filter makes of a frame; None where it has coasted for too long.
+
+        Args:
+            unit: covariance of the raw pose at unit noise; None where nothing is fitted.
+            noise: of the joints, that this frame shows.
+        """
         covariance = None
-        if raw is not None:
+        if unit is not None:
             self._fitted_ns = time_ns
             noise = max(noise, _NOISE_FLOOR)
             if self._noise is not None:
                 noise = self._noise + _NOISE_GAIN * (noise - self._noise)
             self._noise = noise
-            covariance = bcd.at_noise(results.covariance[t], noise)
+            covariance = bcd.at_noise(unit, noise)
             # an angle that a limit holds is not known to the last digit either
             covariance[_DIAGONAL] += _ANGLE_FLOOR
         elif self._fitted_ns is None or time_ns - self._fitted_ns > self._coast_ns:
             self._filter.reset()
             return None
         dt = 0.0 if self._time_ns is None else (time_ns - self._time_ns) * 1e-9
-        return self._filter.step(dt, raw, covariance)
+        return self._filter.step(dt, None if unit is None else raw, covariance)
 
     @property
     def _coast_ns(self) -> int:
@@ -333,9 +296,9 @@ def track(
     untold, status = list(events), ""
     for t in range(0, len(sequence), _CHUNK):
         part = slice(t, t + _CHUNK)
-        new = tracker._advance(
-            sequence.time_ns[part], sequence.joints[part], sequence.confidence[part]
-        )
+        # copies: the sequence's own arrays are not to be written to
+        joints, w = np.array(sequence.joints[part]), np.array(sequence.confidence[part])
+        new = tracker._advance(sequence.time_ns[part].tolist(), joints, w)
         told = status_events(new, status)
         frames += new
         events += told

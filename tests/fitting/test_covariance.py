@@ -7,7 +7,8 @@ import pytest
 from fit_cases import SADDLES, ellipse_value, jacobian, some_poses
 from scipy.spatial.transform import Rotation
 
-from handtrack.fitting.bcd import N_POSE, Fit, fit, residual_noise
+from handtrack.errors import SettingsError
+from handtrack.fitting.bcd import N_POSE, Fit, fit
 from handtrack.hand.limits import Limits
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import HANDS
@@ -26,7 +27,13 @@ def world_jacobian(model: HandModel, found: Fit) -> np.ndarray:
 
 
 def unit_covariance(found: Fit, seen: int) -> np.ndarray:
-    return found.covariance / residual_noise(found.objective, seen)
+    """As if the joints had a variance of 1 m^2; by default the residual shows their noise."""
+    return found.covariance / residual_noise(found, seen)
+
+
+def residual_noise(found: Fit, seen: int) -> float:
+    """Variance per coordinate [m^2]; a pose takes 26 freedoms of the 3 that each joint has."""
+    return found.objective / max(3 * seen - 26, 1)
 
 
 def relative_difference(a: np.ndarray, b: np.ndarray) -> float:
@@ -78,9 +85,23 @@ def test_it_is_symmetric_and_positive():
             assert np.linalg.eigvalsh((scaled + scaled.T) / 2).min() > -1e-9
 
 
-def test_residual_noise_counts_the_freedoms():
-    assert residual_noise(37e-6, 21) == pytest.approx(1e-6)
-    assert residual_noise(np.array([4e-6, 5e-6]), np.array([10, 3])).tolist() == [1e-6, 5e-6]
+@pytest.mark.parametrize("seen", [21, 10, 6])
+def test_the_noise_may_be_given(seen):
+    model = HandModel.default()
+    joints = some_poses(model, 1, SIGMA, seed=5).joints[0]
+    joints[seen:] = np.nan
+    estimated, given = fit(model, joints), fit(model, joints, noise_mm=3.0)
+    np.testing.assert_array_equal(given.angles, estimated.angles)
+    known = np.isfinite(np.diagonal(given.covariance))
+    assert known.sum() == {21: 26, 10: 6 + 8, 6: 6 + 4}[seen]
+    np.testing.assert_allclose(
+        given.covariance[known][:, known],
+        3e-3**2 * unit_covariance(estimated, seen)[known][:, known],
+        rtol=1e-12,
+    )
+    for bad in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(SettingsError, match="noise_mm"):
+            fit(model, joints, noise_mm=bad)
 
 
 # ---- limits that hold an angle ----
@@ -153,7 +174,7 @@ def test_predicted_deviations_are_those_of_repeated_measurement(hand):
         found = fit(model, truth + rng.normal(0, SIGMA, truth.shape))
         turn = Rotation.from_matrix(found.rotation @ rotation.T).as_rotvec()
         steps[i] = np.concatenate([found.angles - angles, turn, found.translation - translation])
-        noise[i] = residual_noise(found.objective, 21)
+        noise[i] = residual_noise(found, 21)
     perfect = fit(model, truth + 1e-7 * rng.normal(size=truth.shape))
     predicted = unit_covariance(perfect, 21) * SIGMA**2
     ratio = np.sqrt(np.diagonal(predicted)) / steps.std(0)

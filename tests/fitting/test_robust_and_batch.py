@@ -162,7 +162,9 @@ def test_frames_without_joints_are_missing_in_a_batch():
     joints[[0, 3]] = np.nan
     batch = fit_batch(MODEL, joints)
     assert (batch.status == "missing").tolist() == [True, False, False, True, False]
-    for name in ("angles", "rotation", "translation", "joints", "objective", "variance"):
+    assert np.isinf(batch.variance[[0, 3]]).all()
+    assert np.isfinite(batch.variance[[1, 2, 4]]).all()
+    for name in ("angles", "rotation", "translation", "joints", "objective"):
         lost = np.isnan(getattr(batch, name)).reshape(5, -1)
         assert lost.all(1).tolist() == [True, False, False, True, False]
         assert lost.any(1).tolist() == [True, False, False, True, False]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import handtrack as ht
-from handtrack.hand.rotations import about_axis
+from handtrack.hand.rotations import about_axis, quaternion_to_matrix, vector_to_matrix
 from handtrack.hand.skeleton import N_ANGLES
 from handtrack.tracking import tracker as module
 from handtrack.tracking.tracker import COAST_S, MIN_JOINTS, TrackedFrame
@@ -196,9 +196,9 @@ def test_time_that_goes_back_is_refused_and_changes_nothing(name, late, sample):
     [
         (np.zeros((20, 3)), None, r"joints have shape \(20, 3\), expected \(21, 3\)"),
         (np.full((21, 3), np.inf), None, "a joint is infinite"),
-        (np.zeros((21, 3)), np.ones(20), "confidence must be 21"),
-        (np.zeros((21, 3)), np.full(21, -1.0), "none negative"),
-        (np.zeros((21, 3)), np.full(21, np.nan), "finite"),
+        (np.zeros((21, 3)), np.ones(20), r"confidence\) have shape \(20,\)"),
+        (np.zeros((21, 3)), np.full(21, -1.0), "negative or not finite"),
+        (np.zeros((21, 3)), np.full(21, np.nan), "negative or not finite"),
     ],
 )
 def test_what_is_no_frame_is_refused(joints, confidence, message, sample):
@@ -424,3 +424,15 @@ def test_the_parts_of_a_track_are_the_track(tracked, long):
             assert sum(values, ())[1:] == whole
         elif isinstance(whole, np.ndarray):
             np.testing.assert_array_equal(np.concatenate(values), whole)
+
+
+def test_quaternions_are_the_rotations(sample):
+    """Whichever component is the largest."""
+    model = ht.HandModel.default("right")
+    for vector in ((0, 0, 0), (3.1, 0, 0), (0, 3.1, 0.1), (0.1, 0, 3.1), (2, 2, -1), (-2, 0.1, 2)):
+        turn = vector_to_matrix(np.array(vector, dtype=float))
+        joints = model.joints(model.mean_angles, turn, [0.1, 0.2, 0.3])
+        frame = ht.Tracker(model).step(joints, 0)
+        np.testing.assert_allclose(quaternion_to_matrix(frame.quaternion), turn, atol=1e-5)
+        assert frame.quaternion[0] >= 0
+        assert np.linalg.norm(frame.quaternion) == pytest.approx(1, abs=1e-15)
