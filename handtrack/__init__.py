@@ -29,6 +29,7 @@ _WHERE = {
     "write_mcap": "recording.mcap_io",
     "read_mcap": "recording.mcap_io",
     "log_rerun": "recording.rerun_log",
+    "export": "recording.export.files",
     "stability": "evaluation.stability",
 }
 
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from handtrack.fitting.calibrate import calibrate as calibrate
     from handtrack.hand.limits import Limits as Limits
     from handtrack.hand.model import HandModel as HandModel
+    from handtrack.recording.export.files import export as export
     from handtrack.recording.mcap_io import read_mcap as read_mcap
     from handtrack.recording.mcap_io import write_mcap as write_mcap
     from handtrack.recording.rerun_log import log_rerun as log_rerun

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 import handtrack as ht
-from handtrack.cli import run
+from handtrack.cli import COMMANDS, run
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tools"))
@@ -240,7 +240,7 @@ def test_the_readme_is_true(sample_file, tmp_path, monkeypatch, capsys):
 
     capsys.readouterr()
     helped = {}
-    for command in ("track", "replay", "stability"):
+    for command in COMMANDS:
         run([command, "--help"])
         helped[command] = capsys.readouterr().out
     for line in re.findall(r"^\$ handtrack (.*?)(?: {2,}#.*)?$", text, re.MULTILINE):

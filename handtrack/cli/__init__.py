@@ -16,7 +16,7 @@ import click
 from handtrack import __version__
 from handtrack.errors import HandtrackError, InputError, ModelError, SettingsError
 
-COMMANDS = ("detect", "track", "replay", "stability")
+COMMANDS = ("detect", "track", "replay", "stability", "export")
 """In the order of the help."""
 
 

@@ -56,3 +56,14 @@ def tracking_options(command: _Command) -> _Command:
 def take_tracking(options: dict[str, Any]) -> dict[str, Any]:
     """Take the values of `tracking_options` out of a command's options."""
     return {name: options.pop(name) for name in _TRACKING}
+
+
+def part_options(command: _Command) -> _Command:
+    """Give a command the options that choose a part of a recording: hand, start and end."""
+    for option in (
+        click.option("--end", type=float, metavar="SECONDS", help="Last time, from the start."),
+        click.option("--start", type=float, metavar="SECONDS", help="First time, from the start."),
+        click.option("--hand", type=click.Choice(["left", "right"]), help="Only this hand."),
+    ):
+        command = option(command)
+    return command

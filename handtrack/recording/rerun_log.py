@@ -13,6 +13,7 @@ from handtrack.errors import SettingsError
 from handtrack.hand.skeleton import BONES, FINGERS, JOINT_NAMES
 from handtrack.recording import viewer_style as style
 from handtrack.recording.blueprint import blueprint
+from handtrack.recording.distances import mean_and_max
 from handtrack.recording.log_lines import log_lines
 from handtrack.recording.normals import VertexNormals
 from handtrack.recording.rrd_file import rrd_file
@@ -207,11 +208,11 @@ class _Hand:
         import rerun as rr
 
         track = self._track
-        mean, greatest = _mean_and_max(track.error)
+        mean, greatest = mean_and_max(track.error)
         values = [mean, greatest]
         if track.truth is not None:
             distance = np.linalg.norm(track.filtered_joints - track.truth, axis=-1)
-            values.append(_mean_and_max(distance)[0])
+            values.append(mean_and_max(distance)[0])
         shown = style.ERRORS[: len(values)]
         lines = rr.SeriesLines(
             colors=[colour for _, colour in shown],
@@ -257,13 +258,3 @@ class _Hand:
 def _batches(frames: int) -> Iterator[slice]:
     for start in range(0, frames, BATCH):
         yield slice(start, min(start + BATCH, frames))
-
-
-def _mean_and_max(distance: NDArray[np.float64]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """(T,) mean and greatest of (T, 21), NaN where nothing is known."""
-    known = np.isfinite(distance)
-    count = known.sum(1)
-    with np.errstate(invalid="ignore"):
-        mean = np.where(known, distance, 0).sum(1) / count
-    greatest = np.where(known, distance, -np.inf).max(1)
-    return mean, np.where(count > 0, greatest, np.nan)

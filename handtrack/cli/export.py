@@ -1,0 +1,92 @@
+"""handtrack export."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from handtrack.cli.inputs import recordings
+from handtrack.cli.options import json_option, part_options, quiet_option
+from handtrack.errors import SettingsError
+
+
+@click.command(short_help="Write recordings for other programs.")
+@click.argument("input", type=click.Path(path_type=Path))
+@click.argument("output", type=click.Path(path_type=Path))
+@click.option(
+    "--to",
+    type=click.Choice(["csv", "parquet", "npz", "bvh", "glb"]),
+    help="The format, where OUTPUT is a folder.",
+)
+@click.option("--raw", is_flag=True, help="bvh, glb: poses as fitted, not as filtered.")
+@click.option(
+    "--up",
+    type=click.Choice(["x", "y", "z", "-x", "-y", "-z"]),
+    default="y",
+    show_default=True,
+    help="bvh, glb: the input's axis that points up; it becomes y.",
+)
+@click.option(
+    "--unit",
+    type=click.Choice(["cm", "m", "mm"]),
+    default="cm",
+    show_default=True,
+    help="bvh: the unit of length.",
+)
+@part_options
+@json_option
+@quiet_option
+def export(
+    input: Path,
+    output: Path,
+    to: str | None,
+    raw: bool,
+    up: str,
+    unit: str,
+    hand: str | None,
+    start: float | None,
+    end: float | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Write recordings for other programs: .csv, .parquet, .npz, .bvh or .glb.
+
+    INPUT is a recording written by `handtrack track`, or a folder of them. The ending of
+    OUTPUT says the format; a folder needs --to. Of several hands each gets its own file,
+    OUTPUT_right and OUTPUT_left, but a .glb holds all. Where the hand is lost .csv cells are
+    empty, .parquet holds null, .npz NaN, and .bvh and .glb hold the last pose.
+    """
+    import handtrack as ht
+    from handtrack.recording.window import pick
+
+    found = recordings((input,))
+    folder = output.is_dir() or not output.suffix
+    if folder == (to is None):
+        raise SettingsError(
+            f"{output} is a folder: say the format with --to"
+            if folder
+            else f"--to is for folders, {output} says its format by itself"
+        )
+    if len(found) > 1 and not folder:
+        raise SettingsError(f"{len(found)} recordings need a folder to go to, not {output}")
+    written = []
+    for path in found:
+        target = output / f"{path.stem}.{to}" if folder else output
+        if folder and input.is_dir():
+            target = output / path.relative_to(input).with_suffix(f".{to}")
+        tracks = pick(ht.read_mcap(path), hand, start, end)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        made = ht.export(tracks, target, raw=raw, up=up, unit=unit)
+        written += made
+        for file in made if not (quiet or as_json) else ():
+            what = [f"{', '.join(file.hands)}", f"{file.frames:,} frames", *file.notes]
+            click.echo(f"{path} -> {file.path}: {'; '.join(what)}")
+    if as_json:
+        click.echo(json.dumps({"files": [_plain(file) for file in written]}, indent=2))
+
+
+def _plain(file: Any) -> dict[str, Any]:
+    return {**file._asdict(), "path": str(file.path), "bytes": file.path.stat().st_size}

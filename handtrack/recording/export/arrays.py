@@ -1,0 +1,75 @@
+"""A track as NumPy arrays in an .npz file, units in their names."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES, PARENTS, PART_NAMES
+from handtrack.tracking.track import Track
+
+
+def arrays(track: Track) -> dict[str, Any]:
+    """All of a track by name; shapes are for T frames, NaN where nothing is known.
+
+    The observed joints are `joints_m`, with `confidence`, `time_ns`, `frame_index`, `hand` and,
+    if known, `truth_m`: `handtrack.load` reads the file again as the sequence that was tracked.
+    """
+    model = track.model
+    made: dict[str, Any] = {
+        "joints_m": track.observed,
+        "confidence": track.confidence,
+        "time_ns": track.time_ns,
+        "frame_index": track.frame_index,
+        "hand": track.hand,
+        "name": track.name,
+        "subject": track.subject,
+        "angles_rad": track.angles,
+        "angles_raw_rad": track.angles_raw,
+        "angle_variance_rad2": track.angle_variance,
+        "quaternion_wxyz": track.quaternion,
+        "quaternion_raw_wxyz": track.quaternion_raw,
+        "translation_m": track.translation,
+        "translation_raw_m": track.translation_raw,
+        "fitted_joints_m": track.fitted_joints,
+        "filtered_joints_m": track.filtered_joints,
+        "error_m": track.error,
+        "objective_m2": track.objective,
+        "sweeps": track.sweeps,
+        "status": track.status,
+        "reason": track.reason,
+        "event_time_ns": np.array([e.time_ns for e in track.events], np.int64),
+        "event_level": np.array([e.level for e in track.events], "<U16"),
+        "event_text": np.array([e.text for e in track.events], np.str_),
+        "angle_names": np.array(ANGLE_NAMES),
+        "joint_names": np.array(JOINT_NAMES),
+        "joint_parents": PARENTS,
+        "part_names": np.array(PART_NAMES),
+        "rest_joints_m": model.rest_joints,
+        "angle_axes": model.axes,
+        "thumb_twist": model.thumb_twist,
+        "limits_lower_rad": model.limits.lower,
+        "limits_upper_rad": model.limits.upper,
+        "model": model.name,
+        "settings_json": json.dumps(dict(track.settings)),
+        "version": track.version,
+        "source": track.source,
+    }
+    if track.truth is not None:
+        made["truth_m"] = track.truth
+    if len(model.rest_vertices) and not model.licensed:
+        made |= {
+            "rest_vertices_m": model.rest_vertices,
+            "faces": model.faces,
+            "skin_weights": model.weights,
+        }
+    return made
+
+
+def write_npz(track: Track, path: Path) -> None:
+    """Write the arrays, compressed; no pickles are in it."""
+    with path.open("wb") as stream:
+        np.savez_compressed(stream, **arrays(track))

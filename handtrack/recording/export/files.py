@@ -1,0 +1,143 @@
+"""Recordings in the formats of other programs, chosen by the ending of the file's name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from handtrack import __version__
+from handtrack.errors import SettingsError
+from handtrack.recording.export.arrays import write_npz
+from handtrack.recording.export.bvh import UNITS, write_bvh
+from handtrack.recording.export.gltf import Hand, write_glb
+from handtrack.recording.export.motion import motion
+from handtrack.recording.export.table import write_csv, write_parquet
+from handtrack.recording.topics import hand_topics
+from handtrack.recording.whole_file import whole_file
+from handtrack.tracking.track import Track
+
+FORMATS = (".csv", ".parquet", ".npz", ".bvh", ".glb")
+
+_LOST = {
+    ".csv": "empty cells in {}",
+    ".parquet": "null in {}",
+    ".npz": "NaN in {}",
+    ".bvh": "the last pose held in {}",
+    ".glb": "the last pose held in {}",
+}
+
+
+class Exported(NamedTuple):
+    """A file that was written.
+
+    Attributes:
+        path: the file.
+        hands: the hands in it, as "right" or "person0_left".
+        frames: how many frames it has, over all its hands.
+        lost: how many of them have no pose.
+        notes: what a user should know of it.
+    """
+
+    path: Path
+    hands: tuple[str, ...]
+    frames: int
+    lost: int
+    notes: tuple[str, ...]
+
+
+def export(
+    tracks: Track | Sequence[Track],
+    path: str | Path,
+    *,
+    raw: bool = False,
+    up: str = "y",
+    unit: str = "cm",
+) -> list[Exported]:
+    """Write tracks for other programs, in the format that the file's ending names.
+
+    ====== ==================================================================================
+    .csv   a line for each frame: angles [deg], joints and errors [mm], status; see `columns`
+    .parquet the same columns, in full precision
+    .npz   all arrays, with units in their names; see `arrays`
+    .bvh   a skeleton with fingers and its motion; see `write_bvh`
+    .glb   skinned hands with an animation, all hands in one file; see `write_glb`
+    ====== ==================================================================================
+
+    Of several hands each gets a file of its own, NAME_right.csv and NAME_left.csv, but for
+    .glb. Files appear whole or not at all.
+
+    Args:
+        tracks: one track or several of one recording, which start the time together.
+        path: the file to write.
+        raw: .bvh and .glb: animate the poses as fitted instead of the filtered ones.
+        up: .bvh and .glb: the axis of the input's frame that points up ("y", "z", "-y" ...);
+            it becomes their y.
+        unit: .bvh: the unit of length, "cm", "m" or "mm".
+
+    Returns:
+        What was written.
+
+    Raises:
+        SettingsError: there is no track, the ending is unknown, or an argument makes no sense.
+        InputError: nothing of a hand can be animated, or the folder is missing.
+        HandtrackError: writing failed.
+    """
+    tracks = [tracks] if isinstance(tracks, Track) else list(tracks)
+    path = Path(path)
+    kind = path.suffix.lower()
+    if kind not in FORMATS:
+        raise SettingsError(f"{path}: expected a name that ends in {', '.join(FORMATS)}")
+    if unit not in UNITS:
+        raise SettingsError(f"unit is {unit!r}, expected one of {', '.join(UNITS)}")
+    tracks = [t for t in tracks if len(t)]
+    if not tracks:
+        raise SettingsError("there is nothing to export: no track has a frame")
+    origin = min(int(t.time_ns[0]) for t in tracks)
+    names = hand_topics((t.name, t.hand) for t in tracks)
+    groups = [(path, list(zip(names, tracks, strict=True)))]
+    if kind != ".glb" and len(tracks) > 1:
+        groups = [(path.with_stem(f"{path.stem}_{n}"), [(n, t)]) for n, t in groups[0][1]]
+    written = []
+    for file, group in groups:
+        with whole_file(file) as part:
+            notes = _write(kind, group, part, origin, raw, up, unit)
+        lost = sum(int(np.isnan(t.angles).any(1).sum()) for _, t in group)
+        if lost:
+            notes.insert(0, _LOST[kind].format(f"{lost} lost frame{'s' * (lost > 1)}"))
+        hands = tuple(name for name, _ in group)
+        frames = sum(len(t) for _, t in group)
+        written.append(Exported(file, hands, frames, lost, tuple(notes)))
+    return written
+
+
+def _write(
+    kind: str,
+    group: list[tuple[str, Track]],
+    part: Path,
+    origin: int,
+    raw: bool,
+    up: str,
+    unit: str,
+) -> list[str]:
+    """Write a group of named hands; what should be known of the file."""
+    notes = []
+    if kind == ".glb":
+        hands = [Hand(n, t.model, motion(t, origin, raw=raw, up=up)) for n, t in group]
+        notes.append(write_glb(hands, part, f"handtrack {__version__}"))
+        if any(h.model.licensed and len(h.model.rest_vertices) for h in hands):
+            notes.append("the skin is licensed: it may not be passed on")
+    else:
+        ((_, track),) = group
+        if kind == ".csv":
+            write_csv(track, part, origin)
+        elif kind == ".parquet":
+            write_parquet(track, part, origin)
+        elif kind == ".npz":
+            write_npz(track, part)
+        else:
+            moved = motion(track, origin, raw=raw, up=up)
+            notes += [f"in {unit}", write_bvh(track.model, moved, part, unit)]
+    return [note for note in notes if note]

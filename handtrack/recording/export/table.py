@@ -1,0 +1,114 @@
+"""Tracks as tables: a row for each frame, as CSV and as Parquet."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES
+from handtrack.recording.distances import mean_and_max
+from handtrack.tracking.track import Track
+
+if TYPE_CHECKING:
+    import pyarrow
+
+_DIGITS = 6
+"""Of degrees and millimetres in text: below what float32 input can tell."""
+_TIME_DIGITS = 9
+
+
+def columns(track: Track, origin_ns: int) -> dict[str, NDArray[Any]]:
+    """The table of a track: names, with units at their ends, and columns of T values.
+
+    `frame`, `time_ns`, `time_s` (from `origin_ns`), `status`, `reason`; the 20 angles
+    (`index_mcp_flexion_deg`), where a filter was used also as fitted
+    (`index_mcp_flexion_raw_deg`), and their standard deviation (`..._sd_deg`); the pose of the
+    root frame in the world (`rotation_w`, ..., `translation_x_mm`); the joints of that pose
+    (`wrist_x_mm`), the observed and, if known, the true ones (`observed_wrist_x_mm`,
+    `truth_wrist_x_mm`); distances of the observed joints to the fitted ones (`error_wrist_mm`,
+    `error_mean_mm`, `error_max_mm`) and of the output to the truth (`truth_error_mean_mm`);
+    the fit's `objective_mm2`. NaN where nothing is known.
+    """
+    table: dict[str, NDArray[Any]] = {
+        "frame": track.frame_index,
+        "time_ns": track.time_ns,
+        "time_s": (track.time_ns - origin_ns) * 1e-9,
+        "status": track.status,
+        "reason": track.reason,
+    }
+
+    def wide(names: list[str], values: NDArray[np.float64]) -> None:
+        table.update(zip(names, values.reshape(len(track), len(names)).T, strict=True))
+
+    deg, mm = np.rad2deg, 1e3
+    wide([f"{name}_deg" for name in ANGLE_NAMES], deg(track.angles))
+    kinds = [("", track.quaternion, track.translation)]
+    if track.filtered:
+        wide([f"{name}_raw_deg" for name in ANGLE_NAMES], deg(track.angles_raw))
+        kinds.append(("_raw", track.quaternion_raw, track.translation_raw))
+    wide([f"{name}_sd_deg" for name in ANGLE_NAMES], deg(np.sqrt(track.angle_variance)))
+    for kind, quaternion, translation in kinds:
+        wide([f"rotation{kind}_{c}" for c in "wxyz"], quaternion)
+        wide([f"translation{kind}_{c}_mm" for c in "xyz"], translation * mm)
+    joints = [("", track.filtered_joints), ("observed_", track.observed)]
+    if track.filtered:
+        joints.insert(1, ("raw_", track.fitted_joints))
+    if track.truth is not None:
+        joints.append(("truth_", track.truth))
+    for kind, points in joints:
+        wide([f"{kind}{name}_{c}_mm" for name in JOINT_NAMES for c in "xyz"], points * mm)
+    wide([f"error_{name}_mm" for name in JOINT_NAMES], track.error * mm)
+    table["error_mean_mm"], table["error_max_mm"] = mean_and_max(track.error * mm)
+    if track.truth is not None:
+        off = np.linalg.norm(track.filtered_joints - track.truth, axis=-1)
+        table["truth_error_mean_mm"] = mean_and_max(off * mm)[0]
+    table["objective_mm2"] = track.objective * 1e6
+    return table
+
+
+def write_csv(track: Track, path: Path, origin_ns: int) -> None:
+    """Text with a line of names; an empty cell where nothing is known."""
+    from pyarrow import csv
+
+    csv.write_csv(_arrow(track, origin_ns, _DIGITS), path, csv.WriteOptions(quoting_style="needed"))
+
+
+def write_parquet(track: Track, path: Path, origin_ns: int) -> None:
+    """The same columns in full precision, null where nothing is known.
+
+    What made the track is in the schema's metadata, key "handtrack", as JSON.
+    """
+    from pyarrow import parquet
+
+    about = {
+        "name": track.name,
+        "hand": track.hand,
+        "source": track.source,
+        "subject": track.subject,
+        "version": track.version,
+        "model": track.model.name,
+        "settings": dict(track.settings),
+    }
+    table = _arrow(track, origin_ns)
+    metadata = {"handtrack": json.dumps(about)}
+    parquet.write_table(table.replace_schema_metadata(metadata), path, compression="zstd")
+
+
+def _arrow(track: Track, origin_ns: int, digits: int | None = None) -> pyarrow.Table:
+    import pyarrow
+
+    arrays = {}
+    for name, values in columns(track, origin_ns).items():
+        if values.dtype.kind == "f":
+            known = np.isfinite(values)
+            rounded = values
+            if digits is not None:
+                rounded = np.round(values, _TIME_DIGITS if name == "time_s" else digits)
+            arrays[name] = pyarrow.array(rounded, mask=~known)
+        else:
+            arrays[name] = pyarrow.array(values.tolist() if values.dtype.kind == "U" else values)
+    return pyarrow.table(arrays)

@@ -1,0 +1,66 @@
+"""Parts of recordings: the hands that are asked for, and a stretch of time."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from handtrack.errors import SettingsError
+from handtrack.tracking.track import Track
+
+
+def pick(
+    tracks: Sequence[Track],
+    hand: str | None = None,
+    start_s: float | None = None,
+    end_s: float | None = None,
+) -> list[Track]:
+    """The tracks of one hand, or all, cut to a stretch of time.
+
+    Args:
+        tracks: those of one recording: their time begins with the first frame of them all.
+        hand: "left", "right", or None for both.
+        start_s, end_s: first and last time [s]; None for the recording's.
+
+    Returns:
+        The tracks that have frames there; the given ones are not changed.
+
+    Raises:
+        SettingsError: the stretch ends before it starts, or nothing is left.
+    """
+    if start_s is not None and end_s is not None and not start_s < end_s:
+        raise SettingsError(f"the part from {start_s:g} s to {end_s:g} s is empty")
+    chosen = [t for t in tracks if hand in (None, t.hand)]
+    if not chosen:
+        there = " and ".join(sorted({t.hand for t in tracks})) or "no"
+        raise SettingsError(f"there is no {hand} hand in the recording, only {there}")
+    if start_s is None and end_s is None:
+        return chosen
+    times = np.concatenate([t.time_ns for t in tracks])
+    if not times.size:
+        raise SettingsError("there are no frames in the recording")
+    origin = int(times.min())
+    first = -np.inf if start_s is None else origin + start_s * 1e9
+    last = np.inf if end_s is None else origin + end_s * 1e9
+    cut = [between(t, first, last) for t in chosen]
+    if not any(map(len, cut)):
+        raise SettingsError(
+            f"there are no frames in that part: the recording is {(times.max() - origin) / 1e9:.3f}"
+            " s long"
+        )
+    return [t for t in cut if len(t)]
+
+
+def between(track: Track, first_ns: float, last_ns: float) -> Track:
+    """The frames and events from one time to another on the track's clock, both included."""
+    keep = (track.time_ns >= first_ns) & (track.time_ns <= last_ns)
+    arrays: dict[str, Any] = {
+        field.name: value[keep]
+        for field in dataclasses.fields(Track)
+        if isinstance(value := getattr(track, field.name), np.ndarray)
+    }
+    events = tuple(e for e in track.events if first_ns <= e.time_ns <= last_ns)
+    return dataclasses.replace(track, **arrays, events=events)
