@@ -19,6 +19,7 @@ _WHERE = {
     "Limits": "hand.limits",
     "Sequence": "sequences.sequence",
     "load": "sequences.load",
+    "repair_identity": "sequences.identity",
     "Fit": "fitting.bcd",
     "fit": "fitting.bcd",
     "fit_batch": "fitting.batch",
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
     from handtrack.recording.mcap_io import read_mcap as read_mcap
     from handtrack.recording.mcap_io import write_mcap as write_mcap
     from handtrack.recording.rerun_log import log_rerun as log_rerun
+    from handtrack.sequences.identity import repair_identity as repair_identity
     from handtrack.sequences.load import load as load
     from handtrack.sequences.sequence import Sequence as Sequence
     from handtrack.tracking.track import Track as Track

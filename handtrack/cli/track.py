@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="MCAP file, or a folder.")
 @click.option("--rrd", type=click.Path(path_type=Path), help="Rerun file, or a folder, as well.")
 @tracking_options
+@click.option(
+    "--no-repair", is_flag=True, help="Leave hands exchanged that were exchanged for a moment."
+)
 @no_mesh_option
 @json_option
 @quiet_option
@@ -38,6 +41,7 @@ def track(
     input: Path,
     output: Path | None,
     rrd: Path | None,
+    no_repair: bool,
     no_mesh: bool,
     as_json: bool,
     quiet: bool,
@@ -55,6 +59,12 @@ def track(
     settings = take_tracking(options)
     limits = settings.pop("limits")
     sequences = Reading(**options).load(input, quiet)
+    repairs: list[str] = []
+    if not no_repair:
+        sequences = ht.repair_identity(sequences)
+        repairs = [f"{s.name}: {remark.text}" for s in sequences for remark in s.remarks]
+    for repair in repairs if not quiet else ():
+        click.echo(f"repaired: {repair}", err=True)
     work = jobs(sequences, input, output, rrd)
     tracks: list[Track] = []
     left_out: list[str] = []
@@ -98,10 +108,11 @@ def track(
     frames = sum(map(len, tracks))
     report = ht.stability(tracks)
     if as_json:
+        notes = [f"{s.name}: {note}" for s in sequences for note in s.notes]
         result_dict = report.to_dict() | {
             "outputs": [str(path) for path in written],
             "frames_per_second": frames / seconds,
-            "warnings": [f"{s.name}: {note}" for s in sequences for note in s.notes] + left_out,
+            "warnings": notes + repairs + left_out,
         }
         click.echo(json.dumps(result_dict, indent=2, allow_nan=False))
     elif not quiet:

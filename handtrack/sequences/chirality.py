@@ -45,14 +45,21 @@ def chirality(joints: ArrayLike) -> float:
     if points.ndim != 3 or points.shape[1:] != (N_JOINTS, 3):
         raise InputError(f"joints have shape {points.shape}, expected (frames, 21, 3)")
     votes = _votes(points)
-    agreed = np.nansum(votes, axis=1)
+    evidence = np.nansum(np.abs(votes), axis=1)
+    total = evidence.sum()
+    return float((evidence * _agreement(votes)).sum() / total) if total > 0 else 0.0
+
+
+def frame_chirality(joints: Array) -> Array:
+    """(T,) the chirality of every single frame of joints (T, 21, 3), as in `chirality`."""
+    return _agreement(_votes(joints))
+
+
+def _agreement(votes: Array) -> Array:
+    """(T,) how far the votes (T, 8) of a frame agree, -1..1; few and small ones decide little."""
     evidence = np.nansum(np.abs(votes), axis=1)
     counted = (~np.isnan(votes)).sum(1)
-    total = evidence.sum()
-    if total == 0:
-        return 0.0
-    per_frame = agreed / (evidence + _STRAIGHT * counted + 1e-300)
-    return float((evidence * per_frame).sum() / total)
+    return np.asarray(np.nansum(votes, axis=1) / (evidence + _STRAIGHT * counted + 1e-300))
 
 
 def _votes(points: Array) -> Array:

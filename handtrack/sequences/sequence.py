@@ -13,6 +13,20 @@ from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
 Array = NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class Remark:
+    """What was done to some frames before they became a sequence's.
+
+    Attributes:
+        first_ns, last_ns: times of the first and the last frame [ns].
+        text: one line.
+    """
+
+    first_ns: int
+    last_ns: int
+    text: str
+
+
 @dataclass(frozen=True, eq=False)
 class Sequence:
     """Joints of one hand over time; checked when made, trusted after.
@@ -29,6 +43,7 @@ class Sequence:
         source: where it was read from.
         subject: who, where the source says so.
         notes: what the reader wants the user to know, one line each.
+        remarks: what was done to single frames, in order of time.
 
     Raises:
         InputError: wrong shapes, no frames, no joint at all, infinite values, confidence
@@ -45,6 +60,7 @@ class Sequence:
     source: str = ""
     subject: str = ""
     notes: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
     def __post_init__(self) -> None:
         where = self.source or None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from handtrack.fitting.calibrate import scale_to
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import matrix_to_quaternion
 from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
-from handtrack.sequences.sequence import Sequence
+from handtrack.sequences.sequence import Remark, Sequence
 from handtrack.tracking.filters import Pose, make_filter
 from handtrack.tracking.track import Event, Track
 
@@ -299,7 +299,11 @@ def track(
         # copies: the sequence's own arrays are not to be written to
         joints, w = np.array(sequence.joints[part]), np.array(sequence.confidence[part])
         new = tracker._advance(sequence.time_ns[part].tolist(), joints, w)
-        told = status_events(new, status)
+        told = sorted(
+            status_events(new, status) + remark_events(sequence.remarks, new),
+            key=lambda event: event.time_ns,
+        )
+        new = with_remarks(new, sequence.remarks)
         frames += new
         events += told
         status = new[-1].status
@@ -321,6 +325,23 @@ def status_events(frames: list[TrackedFrame], before: str = "") -> list[Event]:
             events.append(Event(frame.time_ns, level, text))
             before = frame.status
     return events
+
+
+def remark_events(remarks: Iterable[Remark], frames: list[TrackedFrame]) -> list[Event]:
+    """An event for every remark that begins in these frames."""
+    first, last = frames[0].time_ns, frames[-1].time_ns
+    return [Event(r.first_ns, "info", r.text) for r in remarks if first <= r.first_ns <= last]
+
+
+def with_remarks(frames: list[TrackedFrame], remarks: Iterable[Remark]) -> list[TrackedFrame]:
+    """The frames, with each remark among the reasons of those that it is about."""
+    out = list(frames)
+    for remark in remarks:
+        for i, frame in enumerate(out):
+            if remark.first_ns <= frame.time_ns <= remark.last_ns:
+                reason = "; ".join(filter(None, (remark.text, frame.reason)))
+                out[i] = replace(frame, reason=reason)
+    return out
 
 
 def track_of_frames(
