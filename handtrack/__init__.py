@@ -23,6 +23,9 @@ _WHERE = {
     "Fit": "fitting.bcd",
     "fit": "fitting.bcd",
     "fit_batch": "fitting.batch",
+    "fit_2d": "fitting.images",
+    "Camera": "cameras.camera",
+    "load_cameras": "cameras.formats",
     "calibrate": "fitting.calibrate",
     "Tracker": "tracking.tracker",
     "track": "tracking.tracker",
@@ -37,6 +40,8 @@ _WHERE = {
 __all__ = [*sorted(_WHERE), "__version__", "metrics"]
 
 if TYPE_CHECKING:
+    from handtrack.cameras.camera import Camera as Camera
+    from handtrack.cameras.formats import load_cameras as load_cameras
     from handtrack.errors import HandtrackError as HandtrackError
     from handtrack.errors import InputError as InputError
     from handtrack.errors import ModelError as ModelError
@@ -47,6 +52,7 @@ if TYPE_CHECKING:
     from handtrack.fitting.bcd import Fit as Fit
     from handtrack.fitting.bcd import fit as fit
     from handtrack.fitting.calibrate import calibrate as calibrate
+    from handtrack.fitting.images import fit_2d as fit_2d
     from handtrack.hand.limits import Limits as Limits
     from handtrack.hand.model import HandModel as HandModel
     from handtrack.recording.export.files import export as export

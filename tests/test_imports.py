@@ -21,7 +21,8 @@ ALLOWED = {
     "sequences": {"errors", "hand.skeleton"},
     # Sequence is one of the things that travel; its readers are not
     "sequences.sequence": {"errors", "hand.skeleton"},
-    "fitting": {"errors", "hand.skeleton", "hand", "sequences.sequence"},
+    "cameras": {"errors", "hand.skeleton", "hand"},
+    "fitting": {"errors", "hand.skeleton", "hand", "sequences.sequence", "cameras"},
     "tracking": {"", "errors", "hand.skeleton", "hand", "sequences.sequence", "fitting"},
     "recording": {"", "errors", "hand.skeleton", "hand", "tracking"},
     "video": {"errors", "hand.skeleton", "hand", "sequences.sequence", "recording"},

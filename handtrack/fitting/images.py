@@ -1,0 +1,295 @@
+"""fit_2d(): the pose of a hand model that best explains joints seen in pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from handtrack.cameras.camera import Camera
+from handtrack.cameras.triangulate import triangulate
+from handtrack.errors import InputError, SettingsError
+from handtrack.fitting import bcd
+from handtrack.hand.model import HandModel
+from handtrack.hand.rotations import vector_to_matrix
+from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
+
+Array = NDArray[np.float64]
+
+SPREAD_PX = 10.0
+"""Distance at which the loss bends from square to linear [px]: a detector's usual error."""
+PRIOR_DEG = 40.0
+"""How far from the start's angles one camera is believed [degrees]: it cannot see depth well."""
+NOISE_PX = 3.0
+"""Error of a detector that the prior is weighed against [px]."""
+MAX_STEPS = 60
+TOLERANCE = 1e-5
+MIN_POINTS = 6
+"""Fewer points in pictures than this do not make a pose."""
+
+_BETWEEN = 0.5
+_DOUBT_TURN, _DOUBT_DEPTH = np.deg2rad(30.0), 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class ViewFit:
+    """A pose fitted to pictures.
+
+    Attributes:
+        angles: (20,) [rad], inside the model's limits.
+        rotation: (3, 3) from the root frame to the world.
+        translation: (3,) of the root frame's origin in the world [m].
+        joints: (21, 3) of the fitted pose in the world [m].
+        objective: weighted sum of the (robust) squared reprojection errors and the prior [px^2].
+        reprojection: (C, 21) distance of each joint to where each camera saw it [px], NaN where
+            it was not seen.
+        steps: how many steps were taken.
+        covariance: (26, 26) as in `Fit`, at the noise that the residual shows (with the prior).
+        status: "converged", "iteration limit", or "underdetermined" where the pictures leave
+            the hand's turn (more than 30 degrees) or its distance (more than 20 %) open.
+    """
+
+    angles: Array
+    rotation: Array
+    translation: Array
+    joints: Array
+    objective: float
+    reprojection: Array
+    steps: int
+    covariance: Array
+    status: str
+
+    @property
+    def variance(self) -> Array:
+        """(20,) variances of the angles [rad^2]."""
+        return np.diagonal(self.covariance)[:N_ANGLES].copy()
+
+
+def fit_2d(
+    model: HandModel,
+    image_points: ArrayLike,
+    cameras: Sequence[Camera],
+    weights: ArrayLike | None = None,
+    start: ViewFit | bcd.Fit | ArrayLike | None = None,
+    spread_px: float = SPREAD_PX,
+    prior_deg: float | None = None,
+) -> ViewFit:
+    """Fit a hand model to joints in the pictures of one or several calibrated cameras.
+
+    Reprojection errors under the model's limits, Huber's loss. With several cameras a joint
+    that only one of them sees counts as well. With one camera the depth comes from the model's
+    size (a hand 1 % too large is seen 1 % too far away), and how the fingers bend towards the
+    camera or away from it hardly shows: the start's angles decide there.
+
+    Args:
+        model: the hand, calibrated to the subject's size.
+        image_points: (C, 21, 2) [px]; NaN = not seen.
+        cameras: C of them.
+        weights: (C, 21), not negative; 1 by default.
+        start: a ViewFit, a Fit, or (20,) angles [rad]. By default what several cameras
+            triangulate, or with one camera the best of several turns of the mean pose.
+        spread_px: where the loss bends from square to linear [px]; 0: never.
+        prior_deg: standard deviation of the angles around the start's [degrees]; 0: no such
+            prior. By default none with several cameras, `PRIOR_DEG` with one.
+
+    Raises:
+        InputError: wrong shapes, infinite points, weights that are negative or not finite, or
+            fewer than six points seen.
+        SettingsError: no camera, or a setting that makes no sense.
+    """
+    pixels, w = _observed(image_points, cameras, weights)
+    if not 0 <= spread_px < np.inf:
+        raise SettingsError(f"spread_px is {spread_px}, expected at least 0 px")
+    if prior_deg is None:
+        prior_deg = PRIOR_DEG if len(cameras) == 1 else 0.0
+    if not 0 <= prior_deg < np.inf:
+        raise SettingsError(f"prior_deg is {prior_deg}, expected at least 0 degrees")
+    stiffness = (NOISE_PX / np.deg2rad(prior_deg)) ** 2 if prior_deg else 0.0
+    fits = [
+        _solve(model, cameras, pixels, w, angles, root, spread_px, stiffness)
+        for angles, root in _starts(model, cameras, pixels, w, start)
+    ]
+    return min(fits, key=lambda f: f.objective)
+
+
+def _observed(
+    image_points: ArrayLike, cameras: Sequence[Camera], weights: ArrayLike | None
+) -> tuple[Array, Array]:
+    """Points without NaN, and weights that are 0 where there was one."""
+    if not cameras:
+        raise SettingsError("no camera is given")
+    pixels = np.array(image_points, dtype=np.float64, order="C")
+    shape = (len(cameras), N_JOINTS)
+    if pixels.shape != (*shape, 2):
+        raise InputError(
+            f"image points have shape {pixels.shape}, expected ({len(cameras)}, 21, 2)"
+        )
+    if np.isinf(pixels).any():
+        raise InputError("an image point is infinite, expected pixels or NaN")
+    w = np.ones(shape) if weights is None else np.array(weights, dtype=np.float64, order="C")
+    if w.shape != shape:
+        raise InputError(f"weights have shape {w.shape}, expected ({len(cameras)}, 21)")
+    if not np.isfinite(w).all() or w.min() < 0:
+        raise InputError("weights must be finite and not negative")
+    missing = np.isnan(pixels).any(-1)
+    w[missing] = 0.0
+    pixels[missing] = 0.0
+    if (w > 0).sum() < MIN_POINTS:
+        raise InputError(f"{(w > 0).sum()} points are seen, expected at least {MIN_POINTS}")
+    return pixels, w
+
+
+def _starts(
+    model: HandModel, cameras: Sequence[Camera], pixels: Array, w: Array, start: object
+) -> list[tuple[Array, Array]]:
+    """Where to begin: angles (20,) and root (12,)."""
+    if isinstance(start, ViewFit | bcd.Fit):
+        root = np.concatenate([start.rotation.ravel(), start.translation])
+        return [(model.limits.clamp(start.angles), root)]
+    angles = model.mean_angles.copy()
+    if start is not None:
+        angles = np.asarray(start, dtype=np.float64)
+        if angles.shape != (N_ANGLES,) or not np.isfinite(angles).all():
+            raise InputError(f"start has shape {angles.shape}, expected (20,) finite angles")
+        angles = model.limits.clamp(angles)
+    if len(cameras) > 1:
+        points, _ = triangulate(cameras, np.where(w[..., None] > 0, pixels, np.nan), w)
+        if np.isfinite(points[:, 0]).sum() >= MIN_POINTS:
+            solid = bcd.fit(model, points, start=None if start is None else angles)
+            return [(solid.angles, np.concatenate([solid.rotation.ravel(), solid.translation]))]
+    return [(angles, root) for root in _turns(model, cameras, pixels, w, angles)]
+
+
+def _turns(
+    model: HandModel, cameras: Sequence[Camera], pixels: Array, w: Array, angles: Array
+) -> list[Array]:
+    """Roots (12,) for 24 turns of a pose, each where it best meets the first camera's rays."""
+    c = int(np.argmax((w > 0).sum(1)))
+    camera, seen = cameras[c], w[c] > 0
+    rays = camera.undistorted(pixels[c][seen])
+    joints = model.joints(angles)[seen]
+    roots = []
+    # 6 directions of the fingers' axis times 4 turns about it
+    for i, j in product(range(6), range(4)):
+        axis = np.eye(3)[i % 3] * (1 if i < 3 else -1)
+        turn = vector_to_matrix(axis * np.pi / 2 * (1 + i // 3)) @ vector_to_matrix(
+            np.array([0.0, 0.0, j * np.pi / 2])
+        )
+        x = joints @ turn.T
+        # (x + t) / (z + t_z) = ray, linear in t
+        rows = np.zeros((2 * len(x), 3))
+        right = np.empty(2 * len(x))
+        for k in (0, 1):
+            rows[k::2, k] = 1.0
+            rows[k::2, 2] = -rays[:, k]
+            right[k::2] = rays[:, k] * x[:, 2] - x[:, k]
+        shift = np.linalg.lstsq(rows, right, rcond=None)[0]
+        shift[2] = max(shift[2], float(_BETWEEN * model.size - x[:, 2].min()))
+        rotation = camera.rotation.T @ turn
+        translation = camera.rotation.T @ (shift - camera.translation)
+        roots.append(np.concatenate([rotation.ravel(), translation]))
+    return roots
+
+
+def _solve(
+    model: HandModel,
+    cameras: Sequence[Camera],
+    pixels: Array,
+    w: Array,
+    angles: Array,
+    root: Array,
+    spread_px: float,
+    stiffness: float,
+) -> ViewFit:
+    results = ViewResults(1)
+    results.run(
+        model, cameras, pixels[None], w[None], angles[None], root[None], spread_px, stiffness
+    )
+    return results.fit(0, cameras, pixels, w)
+
+
+class ViewResults:
+    """What `reprojection.fit_views` writes, for T frames."""
+
+    def __init__(self, n: int):
+        self.joints = np.empty((n, N_JOINTS, 3))
+        self.objective = np.empty(n)
+        self.steps = np.zeros(n, dtype=np.int64)
+        self.state = np.zeros(n, dtype=np.int64)
+        self.covariance = np.empty((n, bcd.N_POSE, bcd.N_POSE))
+        self.angles = np.empty((n, N_ANGLES))
+        self.roots = np.empty((n, 12))
+
+    def run(
+        self,
+        model: HandModel,
+        cameras: Sequence[Camera],
+        pixels: Array,
+        weights: Array,
+        angles: Array,
+        roots: Array,
+        spread_px: float = SPREAD_PX,
+        stiffness: float = 0.0,
+    ) -> None:
+        """Fit frames, each from its own start.
+
+        Args:
+            pixels: (T, C, 21, 2) without NaN; weights: (T, C, 21), 0 = not seen.
+            angles, roots: (T, 20), (T, 12) to start from; not changed.
+            spread_px, stiffness: of the loss [px], and of the prior [px^2/rad^2].
+        """
+        from handtrack.fitting.reprojection import fit_views
+
+        limits = model.limits
+        self.angles[:], self.roots[:] = angles, roots
+        fit_views(
+            (model.rest_joints, model.axes, limits.lower, limits.upper, float(model.thumb_twist)),
+            np.stack([camera.numbers for camera in cameras]),
+            np.ascontiguousarray(pixels),
+            np.ascontiguousarray(weights),
+            float(spread_px),
+            np.array(angles, order="C"),
+            np.full(N_ANGLES, float(stiffness)),
+            self.angles,
+            self.roots,
+            (MAX_STEPS, TOLERANCE),
+            self.joints,
+            self.objective,
+            self.steps,
+            self.state,
+            self.covariance,
+        )
+
+    def fit(self, t: int, cameras: Sequence[Camera], pixels: Array, w: Array) -> ViewFit:
+        """Frame t as a ViewFit; pixels (C, 21, 2) and weights (C, 21) as they were given."""
+        from handtrack.fitting.reprojection import CONVERGED
+
+        seen = np.stack([camera.project(self.joints[t]) for camera in cameras])
+        error = np.where(w > 0, np.linalg.norm(seen - pixels, axis=-1), np.nan)
+        rotation = self.roots[t, :9].reshape(3, 3)
+        free = max(2 * int((w > 0).sum()) - bcd.N_POSE, 1)
+        covariance = self.covariance[t] * (self.objective[t] / free)
+        # the solver's omega and v are in the root frame
+        to_world = np.eye(bcd.N_POSE)
+        to_world[20:23, 20:23] = to_world[23:26, 23:26] = rotation
+        covariance = to_world @ covariance @ to_world.T
+        status = "converged" if self.state[t] == CONVERGED else "iteration limit"
+        turn = np.sqrt(np.linalg.eigvalsh(covariance[20:23, 20:23])[-1])
+        shift = np.sqrt(np.linalg.eigvalsh(covariance[23:26, 23:26])[-1])
+        distance = min(float(np.linalg.norm(c.centre - self.joints[t, 0])) for c in cameras)
+        if not (turn < _DOUBT_TURN and shift < _DOUBT_DEPTH * distance):
+            status = "underdetermined"
+        return ViewFit(
+            angles=self.angles[t].copy(),
+            rotation=rotation.copy(),
+            translation=self.roots[t, 9:].copy(),
+            joints=self.joints[t].copy(),
+            objective=float(self.objective[t]),
+            reprojection=error,
+            steps=int(self.steps[t]),
+            covariance=covariance,
+            status=status,
+        )
