@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import click
 
 from handtrack.errors import InputError, SettingsError
+from handtrack.hand.skeleton import HANDS
 
 if TYPE_CHECKING:
-    from handtrack import Sequence
+    from handtrack import Sequence, Track
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
@@ -123,19 +124,21 @@ def recordings(paths: tuple[Path, ...]) -> list[Path]:
 
 def pairs(
     files: tuple[Path, ...], truth: Path, reading: Reading
-) -> list[tuple[Sequence, Sequence]]:
+) -> list[tuple[Track | Sequence, Sequence]]:
     """Every estimate in the files with its truth: the only one, or that of its hand and name.
 
     Raises:
         InputError: none or several truths fit an estimate, or something cannot be read.
     """
+    from handtrack.evaluation.matching import same_name
+
     # a file that holds both observed and true joints is asked for the true ones
     truths = [s if s.truth is None else replace(s, joints=s.truth) for s in reading.load(truth)]
     found = []
-    for estimate in (s for file in files for s in _estimates(file, reading)):
+    for _, estimate in estimates(files, reading):
         fitting = [t for t in truths if len(truths) == 1 or t.hand == estimate.hand]
         if len(fitting) > 1:
-            fitting = [t for t in fitting if _same_name(t.name, estimate.name)]
+            fitting = [t for t in fitting if same_name(t.name, estimate.name)]
         if len(fitting) != 1:
             raise InputError(
                 f"{len(fitting)} sequences fit {estimate.name} ({estimate.hand}), expected one",
@@ -145,32 +148,53 @@ def pairs(
     return found
 
 
-def _same_name(a: str, b: str) -> bool:
-    """Whether two names mean the same: "clip person0 left" and "person0_left" do."""
-    short, long = sorted((name.replace("_", " ").lower() for name in (a, b)), key=len)
-    return f" {long}".endswith(f" {short}")
+def estimates(paths: tuple[Path, ...], reading: Reading) -> list[tuple[Path, Track | Sequence]]:
+    """What is to be measured: recordings, and joint sequences as they are, with their files.
 
+    Of a folder that holds recordings only these are taken.
 
-def _estimates(path: Path, reading: Reading) -> list[Sequence]:
-    """The joints to measure: a recording's output, or a joint sequence as it is."""
+    Raises:
+        InputError: something is not there or cannot be read, or no frame is left of it.
+    """
     import handtrack as ht
 
-    if not _is_recording(path):
-        return reading.load(path)
-    estimates = [
-        ht.Sequence(
-            time_ns=track.time_ns,
-            joints=track.filtered_joints,
-            hand=track.hand,
-            frame_index=track.frame_index,
-            name=track.name,
-            source=str(path),
+    found: list[tuple[Path, Track | Sequence]] = []
+    for path in paths:
+        if not path.exists():
+            raise InputError("no such file or folder", path)
+        inside = sorted(path.rglob("*.mcap")) if path.is_dir() else [path]
+        for file in inside or [path]:
+            if not _is_recording(file):
+                found += [(file, sequence) for sequence in reading.load(file)]
+                continue
+            tracks = ht.read_mcap(file)
+            if reading.hand in HANDS:
+                tracks = [t for t in tracks if t.hand == reading.hand]
+            found += [(file, _cut(track, reading.frame_range)) for track in tracks]
+    if not found:
+        raise InputError(f"no {reading.hand} hand in it", paths[0])
+    return found
+
+
+def _cut(track: Track, frames: tuple[int, int] | None) -> Track:
+    """The part of a track inside the frames, both included."""
+    import numpy as np
+
+    if frames is None:
+        return track
+    index = track.frame_index
+    keep = (index >= frames[0]) & (index <= frames[1])
+    if not keep.any():
+        raise InputError(
+            f"no frame in {frames[0]}:{frames[1]}, the recording has {index[0]}:{index[-1]}",
+            track.name,
         )
-        for track in ht.read_mcap(path)
-        if reading.hand in ("auto", track.hand)
-    ]
-    frames = reading.frame_range
-    return estimates if frames is None else [s.frames(*frames) for s in estimates]
+    per_frame: dict[str, Any] = {
+        f.name: value[keep]
+        for f in fields(track)
+        if isinstance(value := getattr(track, f.name), np.ndarray) and len(value) == len(track)
+    }
+    return replace(track, **per_frame)
 
 
 def _is_recording(path: Path) -> bool:

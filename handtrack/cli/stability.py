@@ -3,51 +3,165 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from handtrack.cli.inputs import Reading, pairs, reading_options, recordings
+from handtrack.cli.inputs import Reading, estimates, pairs, reading_options
 from handtrack.cli.options import json_option
+from handtrack.cli.outputs import check_target
 from handtrack.errors import SettingsError
 
+if TYPE_CHECKING:
+    from handtrack.evaluation.results import StabilityReport
+    from handtrack.evaluation.tables import Report
 
-@click.command(short_help="How accurate and how steady recordings are.")
-@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
+
+@click.command(short_help="How accurate and how steady recordings are; which of two is better.")
+@click.argument("files", nargs=-1, required=True, metavar="[NAME=]FILE...")
 @click.option(
     "--truth",
     type=click.Path(path_type=Path),
-    help="True joints to measure against; FILES may then be joint sequences too.",
+    help="True joints to measure against: a file or a folder.",
 )
+@click.option(
+    "--match",
+    type=click.Choice(["auto", "frame", "time"]),
+    default="auto",
+    help="What frames of estimate and truth belong together by; auto: frame numbers, else time.",
+)
+@click.option("--compare", is_flag=True, help="Every FILE is a method of its own.")
+@click.option("--csv", type=click.Path(path_type=Path), help="Write the table as .csv.")
+@click.option("--latex", type=click.Path(path_type=Path), help="Write the table as .tex.")
+@click.option("--html", type=click.Path(path_type=Path), help="Write a page with plots, .html.")
 @json_option
 @reading_options
-def stability(files: tuple[Path, ...], truth: Path | None, as_json: bool, **reading: Any) -> None:
-    """How accurate and how steady recordings are: PA-MPJPE mean and std, jitter.
+def stability(
+    files: tuple[str, ...],
+    truth: Path | None,
+    match: str,
+    compare: bool,
+    csv: Path | None,
+    latex: Path | None,
+    html: Path | None,
+    as_json: bool,
+    **reading: Any,
+) -> None:
+    """How accurate and how steady recordings are, and which of two methods is better.
 
-    FILES are recordings written by `handtrack track`, or folders of them. They are measured
-    against the truth that they hold, else against the observed joints. With --truth any joint
-    sequences can be measured; the options on units, order, hand and frames are for those.
+    FILES are recordings written by `handtrack track`, joint sequences in any format that `track`
+    reads, or folders of them. They are measured against --truth, else against the truth that
+    they hold, else against the observed joints. With names (NAME=FILE, once or several times
+    for each NAME) or --compare, methods are compared on the frames that all of them have.
+
+    \b
+    PA-MPJPE   mean joint distance after the best similarity (det +1) of each frame, mm
+    MPJPE      without alignment, mm
+    std        over frames, divided by n: the steadiness of Li et al. 2021
+    jitter     mean norm of the third time derivative, m/s^3
+    AUC        of the PCK curve, 0-50 mm, after alignment (FreiHAND)
+    [low, high]  95 % intervals by a circular block bootstrap, blocks as long as the errors are
+               correlated; differences are paired: the same frames, the same blocks.
+    Lost frames have no error: read the errors together with their share.
     """
-    import handtrack as ht
-    from handtrack.evaluation.report import print_table, to_json
+    from handtrack.evaluation.report import print_comparison, print_table, to_json
 
+    for path, suffix, option in ((csv, ".csv", "--csv"), (latex, ".tex", "--latex")):
+        if path is not None:
+            check_target(path, suffix, option)
+    if html is not None:
+        check_target(html, ".html", "--html")
+    methods = _methods(files, compare)
     given = Reading(**reading)
+    measured = {name: _measured(paths, truth, given, match) for name, paths in methods.items()}
+    report: Report
+    if len(measured) > 1:
+        from handtrack.evaluation.compare import compare as compare_methods
+
+        report = compare_methods(measured)
+        if not as_json:
+            print_comparison(report)
+    else:
+        report = next(iter(measured.values()))
+        if not as_json:
+            print_table(report)
+    if as_json:
+        click.echo(to_json(report))
+    for path, write in _files(csv, latex, html):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(write(report), encoding="utf-8")
+        click.echo(f"wrote {path}", err=as_json)
+
+
+def _files(
+    csv: Path | None, latex: Path | None, html: Path | None
+) -> list[tuple[Path, Callable[[Report], str]]]:
+    """What is to be written, and how."""
+    from handtrack.evaluation.html_report import to_html
+    from handtrack.evaluation.tables import to_csv, to_latex
+
+    wanted = ((csv, to_csv), (latex, to_latex), (html, to_html))
+    return [(path, write) for path, write in wanted if path is not None]
+
+
+def _methods(files: tuple[str, ...], compare: bool) -> dict[str, tuple[Path, ...]]:
+    """What belongs to which method; one without a name if nothing is compared.
+
+    Raises:
+        SettingsError: some have names and some have not, or two methods would share one.
+    """
+    split = [_name_and_path(file) for file in files]
+    named = [name for name, _ in split if name]
+    if named and len(named) < len(split):
+        bare = next(path for name, path in split if not name)
+        raise SettingsError(f"{bare} has no name, others have: give each as NAME=FILE")
+    if not named and not compare:
+        return {"": tuple(path for _, path in split)}
+    if not named:
+        stems = [path.stem or str(path) for _, path in split]
+        if len(set(stems)) < len(stems):
+            stems = [str(path) for _, path in split]
+        if len(set(stems)) < len(stems):
+            raise SettingsError(f"{stems[0]} is given twice, expected different methods")
+        if len(stems) < 2:
+            raise SettingsError(f"only one method, {stems[0]}: --compare needs two or more")
+        return {name: (path,) for name, (_, path) in zip(stems, split, strict=True)}
+    out: dict[str, tuple[Path, ...]] = {}
+    for name, path in split:
+        out[name] = (*out.get(name, ()), path)
+    if len(out) < 2:
+        raise SettingsError(f"only one method, {named[0]}: give two or more to compare")
+    return out
+
+
+def _name_and_path(file: str) -> tuple[str, Path]:
+    name, equals, path = file.partition("=")
+    if not equals or not name or Path(file).exists():
+        return "", Path(file)
+    return name, Path(path)
+
+
+def _measured(
+    paths: tuple[Path, ...], truth: Path | None, reading: Reading, match: str
+) -> StabilityReport:
+    import handtrack as ht
+
     if truth is not None:
         from handtrack.evaluation.stability import stability_of_pairs
 
-        report = stability_of_pairs(pairs(files, truth, given))
-    else:
-        if given != Reading():
-            raise SettingsError("--frames, --hand, --unit, --order and --fps need --truth here")
-        found = [(f, t) for f in recordings(files) for t in ht.read_mcap(f)]
-        count = Counter(t.name for _, t in found)
-        # recordings of joints.npz and joints.npz are told apart by their files
-        report = ht.stability(
-            [replace(t, name=f"{f.stem} {t.name}") if count[t.name] > 1 else t for f, t in found]
+        return stability_of_pairs(pairs(paths, truth, reading), match)
+    found = estimates(paths, reading)
+    if not any(isinstance(e, ht.Sequence) for _, e in found) and (
+        reading.unit or reading.order or reading.fps
+    ):
+        raise SettingsError(
+            "--unit, --order and --fps are for joint files; recordings say these themselves"
         )
-    if as_json:
-        click.echo(to_json(report))
-    else:
-        print_table(report)
+    count = Counter(e.name for _, e in found)
+    # recordings of joints.npz and joints.npz are told apart by their files
+    return ht.stability(
+        [replace(e, name=f"{f.stem} {e.name}") if count[e.name] > 1 else e for f, e in found]
+    )

@@ -3,6 +3,8 @@ truth is what it claims to be (unit, side, joint order)."""
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,7 +12,6 @@ from handtrack.errors import InputError
 from handtrack.evaluation.alignment import pa_mpjpe, reflection_pa_mpjpe
 from handtrack.evaluation.arrays import Array, nan_mean
 from handtrack.hand.skeleton import N_JOINTS, ORDER_JOINTS, ORDERS
-from handtrack.sequences.sequence import Sequence
 
 _LOOK = 200
 """Frames that are enough to tell a wrong unit, side or order."""
@@ -18,7 +19,27 @@ _LOOK = 200
 Indices = NDArray[np.int64]
 
 
-def match_frames(estimate: Sequence, truth: Sequence, by: str = "auto") -> tuple[Indices, Indices]:
+class Timed(Protocol):
+    """Frames that have numbers and times: a sequence, a track, an estimate."""
+
+    @property
+    def time_ns(self) -> Indices:
+        """(T,) strictly increasing [ns]."""
+
+    @property
+    def frame_index(self) -> Indices:
+        """(T,) numbers of the source's frames."""
+
+    def __len__(self) -> int: ...
+
+
+def same_name(a: str, b: str) -> bool:
+    """Whether two names mean the same: "clip person0 left" and "person0_left" do."""
+    short, long = sorted((name.replace("_", " ").lower() for name in (a, b)), key=len)
+    return f" {long}".endswith(f" {short}")
+
+
+def match_frames(estimate: Timed, truth: Timed, by: str = "auto") -> tuple[Indices, Indices]:
     """Which frame of the truth belongs to which frame of the estimate.
 
     By frame number the same numbers belong together; the two must then agree on the time
@@ -64,7 +85,7 @@ def match_frames(estimate: Sequence, truth: Sequence, by: str = "auto") -> tuple
     return i, j
 
 
-def _frame_problem(estimate: Sequence, truth: Sequence, common: int) -> str:
+def _frame_problem(estimate: Timed, truth: Timed, common: int) -> str:
     if 2 * common >= min(len(estimate), len(truth)):
         return ""
     return (
@@ -73,7 +94,7 @@ def _frame_problem(estimate: Sequence, truth: Sequence, common: int) -> str:
     )
 
 
-def _rate_problem(estimate: Sequence, truth: Sequence) -> str:
+def _rate_problem(estimate: Timed, truth: Timed) -> str:
     """Whether the same step in frame numbers takes another time in the two."""
     ours, theirs = _per_frame(estimate), _per_frame(truth)
     if not (ours > 0 and theirs > 0) or abs(ours / theirs - 1) < 0.1:
@@ -84,7 +105,7 @@ def _rate_problem(estimate: Sequence, truth: Sequence) -> str:
     )
 
 
-def _per_frame(sequence: Sequence) -> float:
+def _per_frame(sequence: Timed) -> float:
     """Median time from one frame number to the next [ns]."""
     numbers = np.diff(sequence.frame_index)
     ahead = numbers > 0
@@ -111,7 +132,7 @@ def _nearest(a: Indices, b: Indices) -> Indices:
     return np.where(np.abs(a - b[left]) <= np.abs(b[right] - a), left, right)
 
 
-def _span(sequence: Sequence) -> str:
+def _span(sequence: Timed) -> str:
     first, last = sequence.frame_index[[0, -1]]
     seconds = (sequence.time_ns[-1] - sequence.time_ns[0]) * 1e-9
     return f"{len(sequence)} frames {first}:{last}, {seconds:.3g} s"

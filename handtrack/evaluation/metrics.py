@@ -146,13 +146,18 @@ def pck(a: ArrayLike, b: ArrayLike, thresholds: ArrayLike | None = None) -> Arra
         `nan_mean(curve, 0)` is the curve that papers plot.
     """
     t = np.linspace(*FREIHAND_RANGE, 100) if thresholds is None else np.asarray(thresholds)
-    e = errors(a, b)
-    e = e.reshape(-1, e.shape[-1])
+    return pck_of_errors(errors(a, b), t)
+
+
+def pck_of_errors(error: Array, thresholds: ArrayLike) -> Array:
+    """`pck` from distances (..., J) and thresholds (N,) in one unit."""
+    t = np.asarray(thresholds, dtype=np.float64).ravel()
+    e = error.reshape(-1, error.shape[-1])
     curve = np.full((e.shape[1], t.size), np.nan)
     for j in range(e.shape[1]):
         known = np.sort(e[~np.isnan(e[:, j]), j])
         if known.size:
-            curve[j] = np.searchsorted(known, t.ravel(), side="right") / known.size
+            curve[j] = np.searchsorted(known, t, side="right") / known.size
     return curve
 
 
@@ -176,10 +181,16 @@ def auc(
     Raises:
         SettingsError: the range is empty or steps < 2.
     """
+    return auc_of_errors(errors(a, b), minimum, maximum, steps)
+
+
+def auc_of_errors(error: Array, minimum: float, maximum: float, steps: int = 100) -> float:
+    """`auc` from distances (..., J) and a range in one unit."""
     if not minimum < maximum or steps < 2:
         raise SettingsError(f"AUC over {minimum}..{maximum} with {steps} thresholds is empty")
     thresholds = np.linspace(minimum, maximum, steps)
-    areas = np.trapezoid(pck(a, b, thresholds), thresholds, axis=1) / (maximum - minimum)
+    curve = pck_of_errors(error, thresholds)
+    areas = np.trapezoid(curve, thresholds, axis=1) / (maximum - minimum)
     return float(nan_mean(areas))
 
 

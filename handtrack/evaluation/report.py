@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from handtrack.evaluation.bootstrap import Uncertain
+from handtrack.evaluation.compare import Comparison
+from handtrack.evaluation.paper import PaperRows, panoptic_rows
 from handtrack.evaluation.results import Spread, Stability, StabilityReport
 
 if TYPE_CHECKING:
@@ -20,6 +23,7 @@ _MEANING = {
         "Against the observed joints: how well the hand explains what it was given, noise"
         " included. This is not accuracy."
     ),
+    "nothing": "Joints that come alone: no errors, only how they move.",
 }
 _GAP = 3
 """Characters between two columns."""
@@ -27,14 +31,23 @@ _NAME = 20
 """Longer names may be folded."""
 
 
-def to_json(report: StabilityReport) -> str:
+def to_json(report: StabilityReport | Comparison) -> str:
     """The report as one JSON object; what is not known is null.
 
     {"sequences": [{"name", "hand", "frames", "fitted", "predicted", "lost", "against",
     "pa_mpjpe_mm": {"mean", "std", "median", "p95", "max"}, "mpjpe_mm": {...}, "jitter_m_s3",
-    "acceleration_m_s2", ...}], "overall": {...}}
+    "acceleration_m_s2", ...}], "overall": {...}}; of a comparison {"methods", "common",
+    "differences", "notes"}. "paper" holds the paper's numbers of its Panoptic sequence.
     """
-    return json.dumps(report.to_dict(), indent=2, allow_nan=False)
+    if isinstance(report, Comparison):
+        report_rows = next(iter(report.methods.values())).sequences
+    else:
+        report_rows = report.sequences
+    out = report.to_dict()
+    paper = panoptic_rows(report_rows)
+    if paper is not None:
+        out["paper"] = paper.to_dict()
+    return json.dumps(out, indent=2, allow_nan=False)
 
 
 def print_table(report: StabilityReport, console: Console | None = None) -> None:
@@ -47,14 +60,10 @@ def print_table(report: StabilityReport, console: Console | None = None) -> None
         console: where to print; standard output by default.
     """
     from rich import box
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    if console is None:
-        console = Console(highlight=False)
-        if not console.is_terminal:  # a file or a pipe has no width to keep to
-            console = Console(highlight=False, width=160)
+    console = console or _console()
     several = len(report.sequences) > 1
     rows = [*report.sequences, report.overall] if several else list(report.sequences)
     columns, left_out = _that_fit(rows, console.width)
@@ -82,11 +91,133 @@ def print_table(report: StabilityReport, console: Console | None = None) -> None
         " MPJPE without. Jitter in m/s³ and acceleration in m/s²: output (input).",
         style="dim",
     )
+    sure = _sure(report.overall)
+    if sure:
+        console.print(sure, style="dim")
     if left_out:
         console.print(f"Left out for lack of width: {', '.join(left_out)}.", style="dim")
     for row in rows:
         for note in row.notes:
             console.print(f"{escape(row.name)}: {escape(note)}", style="yellow")
+    _print_paper(panoptic_rows(report.sequences), [("this run", report.overall)], console)
+
+
+def print_comparison(comparison: Comparison, console: Console | None = None) -> None:
+    """Print methods beside each other, sequence by sequence and on their common frames.
+
+    Args:
+        comparison: of two or more methods.
+        console: where to print; standard output by default.
+    """
+    from rich import box
+    from rich.markup import escape
+    from rich.table import Table
+
+    console = console or _console()
+    methods = comparison.methods
+    first = next(iter(methods.values()))
+    if len(first.sequences) > 1:
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, title="PA-MPJPE, each on its own frames")
+        for heading in ("sequence", *methods):
+            table.add_column(escape(heading), justify="left" if heading == "sequence" else "right")
+        for row in first.sequences:
+            cells = [escape(row.name)]
+            for report in methods.values():
+                same = [r for r in report.sequences if (r.name, r.hand) == (row.name, row.hand)]
+                cells.append(_mean_std(same[0].pa_mpjpe_mm) if same else "-")
+            table.add_row(*cells)
+        console.print(table)
+    table = Table(
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        title=f"{comparison.frames:,} frames that all methods have, 95 % intervals in brackets",
+    )
+    headings = ("method", "lost", "PA-MPJPE", "std", "p95", "max", "MPJPE", "AUC", "jitter")
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading == "method" else "right", no_wrap=True)
+    for name, row in comparison.common.items():
+        own = methods[name].overall
+        sure = row.intervals.get("pa_mpjpe_mm")
+        jitter = row.intervals.get("jitter_m_s3")
+        table.add_row(
+            escape(name),
+            _percent(own.lost, own.frames),
+            _short(row.pa_mpjpe_mm.mean) + _range(sure.mean if sure else None),
+            _short(row.pa_mpjpe_mm.std) + _range(sure.std if sure else None),
+            _short(row.pa_mpjpe_mm.p95),
+            _short(row.pa_mpjpe_mm.max),
+            _short(row.mpjpe_mm.mean),
+            f"{row.pa_auc:.3f}" if np.isfinite(row.pa_auc) else "-",
+            _short(row.jitter_m_s3) + _range(jitter.mean if jitter else None),
+        )
+    console.print(table)
+    for difference in comparison.differences:
+        clear = difference.of.clear
+        console.print(escape(difference.sentence), style="bold" if clear else "dim")
+    console.print(_MEANING[first.overall.against], style="dim")
+    blocks = sorted({d.block for d in comparison.differences})
+    lengths = f"{blocks[0]}" if len(blocks) == 1 else f"{blocks[0]} to {blocks[-1]}"
+    console.print(
+        "mm; jitter in m/s³; AUC of PCK 0-50 mm after alignment. Differences are paired: all"
+        f" methods resampled by the same blocks of {lengths} frames.",
+        style="dim",
+    )
+    for note in comparison.notes:
+        console.print(escape(note), style="yellow")
+    for name, report in methods.items():
+        for row in report.sequences:
+            for note in row.notes:
+                console.print(f"{escape(name)}: {escape(row.name)}: {escape(note)}", style="yellow")
+    _print_paper(panoptic_rows(first.sequences), list(comparison.common.items()), console)
+
+
+def _console() -> Console:
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    if console.is_terminal:
+        return console
+    return Console(highlight=False, width=160)  # a file or a pipe has no width to keep to
+
+
+def _print_paper(
+    paper: PaperRows | None, ours: list[tuple[str, Stability]], console: Console
+) -> None:
+    """The paper's rows above ours."""
+    if paper is None:
+        return
+    from rich import box
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, title="Beside the paper: PA-MPJPE, mm")
+    for heading in ("", "mean", "std"):
+        table.add_column(heading, justify="right" if heading else "left")
+    for row in paper.published:
+        table.add_row(row.name, f"{row.mean_mm:.4f}", f"{row.std_mm:.4f}")
+    for name, own in ours:
+        spread = own.pa_mpjpe_mm
+        table.add_row(escape(name), f"{spread.mean:.4f}", f"{spread.std:.4f}", style="bold")
+    console.print(table)
+    console.print(paper.caution, style="dim")
+
+
+def _sure(row: Stability) -> str:
+    """How sure the overall error is."""
+    found = row.intervals.get("pa_mpjpe_mm")
+    if found is None or not np.isfinite(found.mean.low):
+        return ""
+    return (
+        f"Overall PA-MPJPE {_short(found.mean.value)}{_range(found.mean)}, std"
+        f" {_short(found.std.value)}{_range(found.std)}: 95 % intervals, block bootstrap of"
+        f" {found.block} frames."
+    )
+
+
+def _range(of: Uncertain | None) -> str:
+    if of is None or not np.isfinite(of.low):
+        return ""
+    return f" [{_short(of.low)}, {_short(of.high)}]"
 
 
 _MUST = 9

@@ -7,11 +7,14 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from handtrack.evaluation.arrays import Array
+from handtrack.evaluation.arrays import Array, nan_mean
+from handtrack.evaluation.bootstrap import Intervals
+from handtrack.hand.limits import Limits
+from handtrack.hand.skeleton import FINGERS, JOINT_NAMES
 
-Against = Literal["observed", "truth"]
+Against = Literal["observed", "truth", "nothing"]
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,30 @@ class Spread:
 
 
 @dataclass(frozen=True, eq=False)
+class Frames:
+    """What was measured, frame by frame, for comparisons and for drawing.
+
+    Attributes:
+        time_ns, frame_index: (T,) int64.
+        estimate, reference: (T, 21, 3) [m], NaN = missing; `reference` is all NaN where the
+            estimate was measured against nothing.
+        joint_errors_mm: (T, 21) errors after similarity alignment of each frame.
+        angles: (T, 20) [rad] or None; limits: those of the hand.
+    """
+
+    time_ns: NDArray[np.int64]
+    frame_index: NDArray[np.int64]
+    estimate: Array
+    reference: Array
+    joint_errors_mm: Array
+    angles: Array | None = None
+    limits: Limits | None = None
+
+    def __len__(self) -> int:
+        return len(self.time_ns)
+
+
+@dataclass(frozen=True, eq=False)
 class Stability:
     """The numbers of one sequence, or of all frames of several.
 
@@ -57,7 +84,8 @@ class Stability:
         name, hand: of the sequence.
         frames: how many there are; fitted, predicted, lost: how many of each status.
         compared: frames that have a PA-MPJPE.
-        against: "truth", or "observed": the joints that the hand was fitted to.
+        against: "truth"; "observed": the joints that the hand was fitted to; "nothing": there
+            is neither, and there are no errors.
         pa_mpjpe_mm: error after similarity alignment per frame.
         mpjpe_mm: error without alignment.
         jitter_m_s3: mean third derivative of the estimated joints (TransPose).
@@ -68,8 +96,19 @@ class Stability:
             without one: the estimate is worth having where its own error is smaller.
         truth_jitter_m_s3, truth_acceleration_m_s2: of the truth, what a perfect estimate has.
         lag_frames: how many frames the estimate is late; NaN without a truth.
+        root_mpjpe_mm: error with the wrists put on each other.
+        pa_auc, auc: area under the PCK curve 0..50 mm (FreiHAND), with and without alignment.
+        acceleration_error_mm: mean second difference of the error [mm per squared frame] (VIBE);
+            NaN without a truth.
+        bone_drift_percent: standard deviation of the bones' lengths over their mean, mean over
+            bones; 0 for a hand whose bones keep their lengths.
+        outside_limits_percent: frames in which an angle is outside its limits; NaN without
+            angles.
+        joint_pa_mm: (21,) mean error of each joint after alignment.
+        intervals: 95 % block bootstrap intervals of mean and std, by the name of the measure.
         notes: what to know when reading the numbers, one line each.
         frame_values: name -> (frames,) the values per frame that the numbers above sum up.
+        material: the frames themselves; None for several sequences pooled.
     """
 
     name: str
@@ -91,23 +130,45 @@ class Stability:
     truth_jitter_m_s3: float = float("nan")
     truth_acceleration_m_s2: float = float("nan")
     lag_frames: float = float("nan")
+    root_mpjpe_mm: Spread | None = None
+    pa_auc: float = float("nan")
+    auc: float = float("nan")
+    acceleration_error_mm: float = float("nan")
+    bone_drift_percent: float = float("nan")
+    outside_limits_percent: float = float("nan")
+    joint_pa_mm: Array = field(default_factory=lambda: np.full(len(JOINT_NAMES), np.nan))
+    intervals: Mapping[str, Intervals] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     frame_values: Mapping[str, Array] = field(default_factory=dict, repr=False)
+    material: Frames | None = field(default=None, repr=False)
+
+    @property
+    def finger_pa_mm(self) -> dict[str, float]:
+        """Mean error after alignment of the wrist and of each finger's four joints."""
+        out = {"wrist": float(self.joint_pa_mm[0])}
+        for f, finger in enumerate(FINGERS):
+            out[finger] = float(nan_mean(self.joint_pa_mm[1 + 4 * f : 5 + 4 * f]))
+        return out
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values; None for what is not known."""
         out: dict[str, Any] = {}
         for name in self.__dataclass_fields__:
             value = getattr(self, name)
-            if name == "frame_values":
+            if name in ("frame_values", "material"):
                 continue
-            if isinstance(value, Spread):
+            if name == "joint_pa_mm":
+                value = {j: _number(float(v)) for j, v in zip(JOINT_NAMES, value, strict=True)}
+            elif name == "intervals":
+                value = {measure: _interval_dict(i) for measure, i in value.items()}
+            elif isinstance(value, Spread):
                 value = value.to_dict()
             elif isinstance(value, float):
                 value = _number(value)
             elif isinstance(value, tuple):
                 value = list(value)
             out[name] = value
+        out["finger_pa_mm"] = {k: _number(v) for k, v in self.finger_pa_mm.items()}
         return out
 
 
@@ -129,6 +190,15 @@ class StabilityReport:
             "sequences": [s.to_dict() for s in self.sequences],
             "overall": self.overall.to_dict(),
         }
+
+
+def _interval_dict(intervals: Intervals) -> dict[str, Any]:
+    """{"mean": [low, high], "std": [low, high], "block_frames"}; null for what is not known."""
+    out: dict[str, Any] = {
+        name: [_number(part.low), _number(part.high)]
+        for name, part in (("mean", intervals.mean), ("std", intervals.std))
+    }
+    return out | {"block_frames": intervals.block}
 
 
 def _number(value: float) -> float | None:

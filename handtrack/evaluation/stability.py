@@ -2,70 +2,83 @@
 
 A track is compared with its truth where it has one, otherwise with the joints it was fitted to.
 Against the observed joints the numbers say how well the hand explains the observation, noise
-included: not how near it is to the real hand.
+included: not how near it is to the real hand. Joints that come alone are measured against
+nothing: only how they move is known then.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from handtrack.errors import InputError
-from handtrack.evaluation.arrays import Array, nan_mean, sequence_of_points
+from handtrack.evaluation.arrays import sequence_of_points
 from handtrack.evaluation.matching import match_frames, truth_problem
-from handtrack.evaluation.metrics import acceleration, jitter, lag, mpjpe, pa_mpjpe
+from handtrack.evaluation.measure import Estimate, measure, pool
 from handtrack.evaluation.results import Against, Spread, Stability, StabilityReport
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.sequence import Sequence
 from handtrack.tracking.track import Track
 
-_FAR_MM = 150.0
-"""An error of so much, more than a hand's length, is not one of the hand's pose."""
-_LATE = 0.5
-"""A lag of so many frames is worth a note."""
-_LAG_FRAMES = 2000
-"""Frames that are enough to find a lag."""
+__all__ = [
+    "Spread",
+    "Stability",
+    "StabilityReport",
+    "compare_arrays",
+    "stability",
+    "stability_of_pair",
+    "stability_of_pairs",
+]
 
 
-def stability(tracks: Track | Iterable[Track]) -> StabilityReport:
+def stability(tracks: Track | Sequence | Iterable[Track | Sequence]) -> StabilityReport:
     """Stability of tracks: their filtered joints against the truth, else against the observed.
 
-    If only some tracks have a truth, each is reported against the best it has, and the overall
-    numbers, which must mean one thing, are against the observed joints of all.
+    If only some have a truth, each is reported against the best it has, and the overall
+    numbers, which must mean one thing, are against the observed joints of all. A Sequence is
+    measured as it is, against the truth it holds, else against nothing.
 
     Raises:
         InputError: there is no track.
     """
-    tracks = [tracks] if isinstance(tracks, Track) else list(tracks)
-    if not tracks:
+    given = [tracks] if isinstance(tracks, Track | Sequence) else list(tracks)
+    if not given:
         raise InputError("no track to measure")
-    rows = [_of_track(t, _best(t)) for t in tracks]
+    estimates = [_estimate(t) for t in given]
+    rows = [_alone(e, _best(e)) for e in estimates]
     pooled, note = rows, ""
     if len({r.against for r in rows}) > 1:
-        pooled = [_of_track(t, "observed") for t in tracks]
-        note = "against the observed joints of all, for only some sequences have a truth"
-    return StabilityReport(tuple(rows), _pool(pooled, note))
+        least: Against = "nothing" if any(e.observed is None for e in estimates) else "observed"
+        pooled = [_alone(e, least) for e in estimates]
+        note = f"against the {least} joints of all, for only some sequences have a truth"
+        if least == "nothing":
+            note = "without errors, for only some sequences have something to be measured against"
+    return StabilityReport(tuple(rows), pool(pooled, note))
 
 
-def stability_of_pairs(pairs: Iterable[tuple[Sequence, Sequence]]) -> StabilityReport:
+def stability_of_pairs(
+    pairs: Iterable[tuple[Track | Sequence | Estimate, Sequence]], match: str = "auto"
+) -> StabilityReport:
     """Stability of (estimate, truth) pairs, each as `stability_of_pair`.
 
     Raises:
         InputError: there is no pair, or one does not fit.
     """
-    rows = [stability_of_pair(estimate, truth) for estimate, truth in pairs]
+    rows = [stability_of_pair(estimate, truth, match) for estimate, truth in pairs]
     if not rows:
         raise InputError("no pair to measure")
-    return StabilityReport(tuple(rows), _pool(rows, ""))
+    return StabilityReport(tuple(rows), pool(rows))
 
 
-def stability_of_pair(estimate: Sequence, truth: Sequence, match: str = "auto") -> Stability:
+def stability_of_pair(
+    estimate: Track | Sequence | Estimate, truth: Sequence, match: str = "auto"
+) -> Stability:
     """Stability of an estimate against a truth from elsewhere.
 
     Args:
-        estimate: the joints to judge.
+        estimate: the joints to judge; of a track its filtered ones.
         truth: the joints to judge by; its `joints`, not its `truth`, are used.
         match: "frame" numbers, "time", or "auto" (see `match_frames`).
 
@@ -73,6 +86,7 @@ def stability_of_pair(estimate: Sequence, truth: Sequence, match: str = "auto") 
         InputError: the two are of different hands, have too few frames in common, or the
             truth is in another unit, joint order or mirrored (named in the message).
     """
+    estimate = _estimate(estimate)
     where = f"{estimate.name} against {truth.name}"
     if estimate.hand != truth.hand:
         raise InputError(f"{where}: a {estimate.hand} hand against a {truth.hand} one")
@@ -85,7 +99,6 @@ def stability_of_pair(estimate: Sequence, truth: Sequence, match: str = "auto") 
     wrong = truth_problem(estimate.joints[i], truth.joints[j])
     if wrong:
         raise InputError(f"{where}: {wrong}")
-    seen = ~np.isnan(estimate.joints[..., 0]).all(1)
     notes = []
     if len(i) < len(estimate):
         notes.append(f"{len(estimate) - len(i)} of {len(estimate)} frames have no truth")
@@ -96,16 +109,7 @@ def stability_of_pair(estimate: Sequence, truth: Sequence, match: str = "auto") 
     )
     if np.median(apart) > 1_000_000:
         notes.append(f"matched frames are {np.median(apart) * 1e-6:.1f} ms apart (median)")
-    return _measure(
-        estimate.name,
-        estimate.hand,
-        estimate.time_ns,
-        estimate.joints,
-        reference,
-        "truth",
-        (int(seen.sum()), 0, int((~seen).sum())),
-        notes=notes,
-    )
+    return measure(estimate, reference, "truth", notes)
 
 
 def compare_arrays(
@@ -143,137 +147,24 @@ def compare_arrays(
     )
 
 
-def _best(track: Track) -> Against:
-    has_truth = track.truth is not None and not np.isnan(track.truth).all()
-    return "truth" if has_truth else "observed"
+def _estimate(given: Track | Sequence | Estimate) -> Estimate:
+    if isinstance(given, Track):
+        return Estimate.of_track(given)
+    return Estimate.of_sequence(given) if isinstance(given, Sequence) else given
 
 
-def _of_track(track: Track, against: Against) -> Stability:
-    reference = track.observed
+def _best(estimate: Estimate) -> Against:
+    if estimate.truth is not None:
+        return "truth"
+    return "nothing" if estimate.observed is None else "observed"
+
+
+def _alone(estimate: Estimate, against: Against) -> Stability:
+    """An estimate against what came with it."""
+    reference = {"truth": estimate.truth, "observed": estimate.observed}.get(against)
     notes = []
-    if against == "truth" and track.truth is not None:
-        reference = track.truth
-        wrong = truth_problem(track.filtered_joints, reference)
+    if against == "truth" and reference is not None:
+        wrong = truth_problem(estimate.joints, reference)
         if wrong:
             notes.append(f"warning: {wrong}")
-    fitted, predicted, lost = (
-        int((track.status == status).sum()) for status in ("fitted", "predicted", "lost")
-    )
-    return _measure(
-        track.name,
-        track.hand,
-        track.time_ns,
-        track.filtered_joints,
-        reference,
-        against,
-        (fitted, predicted, lost),
-        track.observed,
-        notes,
-    )
-
-
-def _measure(
-    name: str,
-    hand: str,
-    time_ns: ArrayLike,
-    estimate: Array,
-    reference: Array,
-    against: Against,
-    counts: tuple[int, int, int],
-    observed: Array | None = None,
-    notes: Iterable[str] = (),
-) -> Stability:
-    values = {
-        "pa_mpjpe_mm": pa_mpjpe(estimate, reference) * 1e3,
-        "mpjpe_mm": mpjpe(estimate, reference) * 1e3,
-        "jitter_m_s3": jitter(estimate, time_ns=time_ns),
-        "acceleration_m_s2": acceleration(estimate, time_ns=time_ns),
-    }
-    if observed is not None:
-        values["input_jitter_m_s3"] = jitter(observed, time_ns=time_ns)
-        values["input_acceleration_m_s2"] = acceleration(observed, time_ns=time_ns)
-    late = float("nan")
-    if against == "truth":
-        values["truth_jitter_m_s3"] = jitter(reference, time_ns=time_ns)
-        values["truth_acceleration_m_s2"] = acceleration(reference, time_ns=time_ns)
-        if observed is not None:
-            values["input_pa_mpjpe_mm"] = pa_mpjpe(observed, reference) * 1e3
-            values["input_mpjpe_mm"] = mpjpe(observed, reference) * 1e3
-        part = slice(0, _LAG_FRAMES)
-        late = lag(estimate[part], reference[part], time_ns=np.asarray(time_ns)[part])
-        apart = Spread.of(values["mpjpe_mm"]).median
-        if apart > _FAR_MM:
-            notes = [*notes, f"the output is {apart:.0f} mm from the truth: another world frame?"]
-        if abs(late) >= _LATE:
-            notes = [
-                *notes,
-                f"the output is {abs(late):.1f} frames {'late' if late > 0 else 'early'}",
-            ]
-    return _summary(name, hand, len(estimate), counts, against, values, late, tuple(notes))
-
-
-def _summary(
-    name: str,
-    hand: str,
-    frames: int,
-    counts: tuple[int, int, int],
-    against: Against,
-    values: Mapping[str, Array],
-    late: float,
-    notes: tuple[str, ...],
-) -> Stability:
-    def mean(key: str) -> float:
-        return float(nan_mean(values[key])) if key in values else float("nan")
-
-    def spread(key: str) -> Spread | None:
-        return Spread.of(values[key]) if key in values else None
-
-    return Stability(
-        name=name,
-        hand=hand,
-        frames=frames,
-        fitted=counts[0],
-        predicted=counts[1],
-        lost=counts[2],
-        compared=int((~np.isnan(values["pa_mpjpe_mm"])).sum()),
-        against=against,
-        pa_mpjpe_mm=Spread.of(values["pa_mpjpe_mm"]),
-        mpjpe_mm=Spread.of(values["mpjpe_mm"]),
-        jitter_m_s3=mean("jitter_m_s3"),
-        acceleration_m_s2=mean("acceleration_m_s2"),
-        input_jitter_m_s3=mean("input_jitter_m_s3"),
-        input_acceleration_m_s2=mean("input_acceleration_m_s2"),
-        input_pa_mpjpe_mm=spread("input_pa_mpjpe_mm"),
-        input_mpjpe_mm=spread("input_mpjpe_mm"),
-        truth_jitter_m_s3=mean("truth_jitter_m_s3"),
-        truth_acceleration_m_s2=mean("truth_acceleration_m_s2"),
-        lag_frames=late,
-        notes=notes,
-        frame_values=values,
-    )
-
-
-def _pool(rows: list[Stability], note: str) -> Stability:
-    """All frames of the rows as one; the rows must be against the same thing."""
-    shared = set.intersection(*(set(r.frame_values) for r in rows))
-    values = {
-        key: np.concatenate([r.frame_values[key] for r in rows])
-        for key in rows[0].frame_values
-        if key in shared
-    }
-    hands = {r.hand for r in rows}
-    lags = nan_mean(np.array([r.lag_frames for r in rows]))
-    return _summary(
-        "overall",
-        hands.pop() if len(hands) == 1 else "both",
-        sum(r.frames for r in rows),
-        (
-            sum(r.fitted for r in rows),
-            sum(r.predicted for r in rows),
-            sum(r.lost for r in rows),
-        ),
-        rows[0].against,
-        values,
-        float(lags),
-        (note,) if note else (),
-    )
+    return measure(estimate, reference, against, notes)
