@@ -122,30 +122,41 @@ def recordings(paths: tuple[Path, ...]) -> list[Path]:
     return found
 
 
-def pairs(
-    files: tuple[Path, ...], truth: Path, reading: Reading
-) -> list[tuple[Track | Sequence, Sequence]]:
-    """Every estimate in the files with its truth: the only one, or that of its hand and name.
+class Truths(NamedTuple):
+    """True joints, to be paired with estimates.
 
-    Raises:
-        InputError: none or several truths fit an estimate, or something cannot be read.
+    Attributes:
+        path: the file or folder they are from.
+        sequences: what was read; a file with observed and true joints is asked for the true.
     """
-    from handtrack.evaluation.matching import same_name
 
-    # a file that holds both observed and true joints is asked for the true ones
-    truths = [s if s.truth is None else replace(s, joints=s.truth) for s in reading.load(truth)]
-    found = []
-    for _, estimate in estimates(files, reading):
+    path: Path
+    sequences: list[Sequence]
+
+    @staticmethod
+    def load(path: Path, reading: Reading) -> Truths:
+        """Read the true joints of a file or a folder."""
+        found = reading.load(path)
+        return Truths(path, [s if s.truth is None else replace(s, joints=s.truth) for s in found])
+
+    def of(self, estimate: Track | Sequence) -> Sequence:
+        """The truth of an estimate: the only one, or that of its hand and name.
+
+        Raises:
+            InputError: none or several fit.
+        """
+        from handtrack.evaluation.matching import same_name
+
+        truths = self.sequences
         fitting = [t for t in truths if len(truths) == 1 or t.hand == estimate.hand]
         if len(fitting) > 1:
             fitting = [t for t in fitting if same_name(t.name, estimate.name)]
         if len(fitting) != 1:
             raise InputError(
                 f"{len(fitting)} sequences fit {estimate.name} ({estimate.hand}), expected one",
-                truth,
+                self.path,
             )
-        found.append((estimate, fitting[0]))
-    return found
+        return fitting[0]
 
 
 def estimates(paths: tuple[Path, ...], reading: Reading) -> list[tuple[Path, Track | Sequence]]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handtrack.cli.inputs import Reading, estimates, pairs, reading_options
+from handtrack.cli.inputs import Reading, Truths, estimates, reading_options
 from handtrack.cli.options import json_option
 from handtrack.cli.outputs import check_target
 from handtrack.errors import SettingsError
@@ -76,7 +76,8 @@ def stability(
         check_target(html, ".html", "--html")
     methods = _methods(files, compare)
     given = Reading(**reading)
-    measured = {name: _measured(paths, truth, given, match) for name, paths in methods.items()}
+    truths = None if truth is None else Truths.load(truth, given)
+    measured = {name: _measured(paths, truths, given, match) for name, paths in methods.items()}
     report: Report
     if len(measured) > 1:
         from handtrack.evaluation.compare import compare as compare_methods
@@ -145,15 +146,15 @@ def _name_and_path(file: str) -> tuple[str, Path]:
 
 
 def _measured(
-    paths: tuple[Path, ...], truth: Path | None, reading: Reading, match: str
+    paths: tuple[Path, ...], truths: Truths | None, reading: Reading, match: str
 ) -> StabilityReport:
     import handtrack as ht
 
-    if truth is not None:
+    found = estimates(paths, reading)
+    if truths is not None:
         from handtrack.evaluation.stability import stability_of_pairs
 
-        return stability_of_pairs(pairs(paths, truth, reading), match)
-    found = estimates(paths, reading)
+        return stability_of_pairs([(e, truths.of(e)) for _, e in found], match)
     if not any(isinstance(e, ht.Sequence) for _, e in found) and (
         reading.unit or reading.order or reading.fps
     ):

@@ -21,7 +21,7 @@ LEVEL = 0.95
 """Share of intervals that hold the true value, if all is well."""
 MIN_FRAMES = 8
 """With fewer frames no interval is given."""
-_DRAWS = 4_000_000
+_DRAWS = 1_000_000
 """Blocks drawn in all; in longer series blocks are longer than they need be."""
 _SEED = 20210
 

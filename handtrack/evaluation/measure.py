@@ -110,12 +110,11 @@ def measure(
     """
     time_ns, joints = estimate.time_ns, estimate.joints
     bare = np.full(joints.shape, np.nan) if reference is None else reference
-    aligned = _aligned_errors(joints, bare) * 1e3
-    plain = metrics.errors(joints, bare) * 1e3
+    aligned, plain, rooted = _joint_errors_mm(joints, bare)
     values = {
         "pa_mpjpe_mm": nan_mean(aligned),
         "mpjpe_mm": nan_mean(plain),
-        "root_mpjpe_mm": metrics.root_aligned_mpjpe(joints, bare) * 1e3,
+        "root_mpjpe_mm": nan_mean(rooted),
         "jitter_m_s3": metrics.jitter(joints, time_ns=time_ns),
         "acceleration_m_s2": metrics.acceleration(joints, time_ns=time_ns),
     }
@@ -281,12 +280,17 @@ def _intervals(values: Mapping[str, Array]) -> dict[str, Intervals]:
     }
 
 
-def _aligned_errors(a: Array, b: Array) -> Array:
-    """(T, 21) distances after similarity alignment of each frame."""
-    out = np.full(a.shape[:2], np.nan)
+def _joint_errors_mm(a: Array, b: Array) -> tuple[Array, Array, Array]:
+    """(T, 21) distances [mm] after similarity alignment of each frame, without, and with the
+    wrists on each other."""
+    aligned, plain, rooted = (np.full(a.shape[:2], np.nan) for _ in range(3))
     if np.isnan(b).all():
-        return out
+        return aligned, plain, rooted
     for i in range(0, len(a), _BLOCK):
         part = slice(i, i + _BLOCK)
-        out[part] = lengths(align(a[part], b[part]) - b[part])
-    return out
+        x, y = a[part] * 1e3, b[part] * 1e3
+        apart = x - y
+        aligned[part] = lengths(align(x, y) - y)
+        plain[part] = lengths(apart)
+        rooted[part] = lengths(apart - apart[:, :1])
+    return aligned, plain, rooted

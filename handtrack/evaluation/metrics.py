@@ -153,11 +153,16 @@ def pck_of_errors(error: Array, thresholds: ArrayLike) -> Array:
     """`pck` from distances (..., J) and thresholds (N,) in one unit."""
     t = np.asarray(thresholds, dtype=np.float64).ravel()
     e = error.reshape(-1, error.shape[-1])
-    curve = np.full((e.shape[1], t.size), np.nan)
-    for j in range(e.shape[1]):
-        known = np.sort(e[~np.isnan(e[:, j]), j])
-        if known.size:
-            curve[j] = np.searchsorted(known, t, side="right") / known.size
+    joints = e.shape[1]
+    order = np.argsort(t)
+    # how many of each joint's errors first fall below each threshold, counted in one go
+    first = np.searchsorted(t[order], e, side="left")  # NaN sorts to the end
+    cells = first + (t.size + 1) * np.arange(joints)
+    counts = np.bincount(cells.ravel(), minlength=joints * (t.size + 1))
+    below = counts.reshape(joints, t.size + 1)[:, :-1].cumsum(1)
+    known = (~np.isnan(e)).sum(0)[:, None]
+    curve = np.empty((joints, t.size))
+    curve[:, order] = np.where(known > 0, below / np.maximum(known, 1), np.nan)
     return curve
 
 

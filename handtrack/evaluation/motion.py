@@ -69,8 +69,7 @@ def acceleration_error(a: ArrayLike, b: ArrayLike, time_ns: ArrayLike | None = N
     a, b = pair(a, b)
     difference = sequence_of_points(a - b)
     broken = None if time_ns is None else _gaps(_steps(time_ns, len(a)))
-    d2 = _derivative(difference, 2, np.ones(max(0, len(a) - 1)), broken)
-    return nan_mean(lengths(d2))
+    return _in_blocks(difference, 2, np.ones(max(0, len(a) - 1)), broken)
 
 
 def lag(a: ArrayLike, b: ArrayLike, max_lag: int = 15, time_ns: ArrayLike | None = None) -> float:
@@ -137,8 +136,12 @@ def _correlation(x: Array, y: Array, shift: int) -> float:
     p, q = np.where(missing, 0.0, p), np.where(missing, 0.0, q)
     p = np.where(missing, 0.0, p - p.sum(0) / count)
     q = np.where(missing, 0.0, q - q.sum(0) / count)
-    size = np.sqrt(np.vdot(p, p) * np.vdot(q, q))
-    return float(np.vdot(p, q) / size) if size > 0 else float("nan")
+
+    def product(u: Array, v: Array) -> float:
+        return float(np.einsum("ij,ij->", u, v))  # BLAS would wait for its threads
+
+    size = np.sqrt(product(p, p) * product(q, q))
+    return product(p, q) / size if size > 0 else float("nan")
 
 
 def _mean_derivative(
@@ -155,6 +158,11 @@ def _mean_derivative(
         if fps is None or not (np.isfinite(fps) and fps > 0):
             raise SettingsError(f"fps is {fps}, expected a positive number")
         steps = np.full(max(0, len(x) - 1), 1.0 / fps)
+    return _in_blocks(x, order, steps, broken)
+
+
+def _in_blocks(x: Array, order: int, steps: Array, broken: NDArray[np.bool_] | None) -> Array:
+    """(T,) mean over joints of the size of a derivative."""
     out = np.full(len(x), np.nan)
     for i in range(0, len(x) - order, _BLOCK):
         part = x[i : i + _BLOCK + order]

@@ -17,7 +17,7 @@ from handtrack.evaluation.results import Spread, Stability, StabilityReport
 if TYPE_CHECKING:
     from rich.console import Console
 
-_MEANING = {
+MEANING = {
     "truth": "Against the truth: the error of the output.",
     "observed": (
         "Against the observed joints: how well the hand explains what it was given, noise"
@@ -83,7 +83,7 @@ def print_table(report: StabilityReport, console: Console | None = None) -> None
         table.add_row(*(escape(column.cell(row)) for column in columns))
     console.print(table)
     for against in dict.fromkeys(r.against for r in rows):
-        console.print(_MEANING[against], style="dim")
+        console.print(MEANING[against], style="dim")
     if any(r.input_pa_mpjpe_mm for r in rows):
         console.print("Input: the error of the observed joints to the same truth.", style="dim")
     console.print(
@@ -154,7 +154,7 @@ def print_comparison(comparison: Comparison, console: Console | None = None) -> 
     for difference in comparison.differences:
         clear = difference.of.clear
         console.print(escape(difference.sentence), style="bold" if clear else "dim")
-    console.print(_MEANING[first.overall.against], style="dim")
+    console.print(MEANING[first.overall.against], style="dim")
     blocks = sorted({d.block for d in comparison.differences})
     lengths = f"{blocks[0]}" if len(blocks) == 1 else f"{blocks[0]} to {blocks[-1]}"
     console.print(

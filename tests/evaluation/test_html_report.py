@@ -1,0 +1,147 @@
+"""The page: what it holds, how small it stays, and that a browser draws it."""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import handtrack as ht
+from handtrack.evaluation.compare import compare
+from handtrack.evaluation.html_report import page_data, to_html
+from handtrack.evaluation.stability import stability, stability_of_pair, stability_of_pairs
+from handtrack.hand.model import HandModel
+from handtrack.sequences.sequence import Sequence
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
+FLAGS = (
+    *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+)
+
+
+def sequences(n=120, sigmas_mm=(1.0, 2.0), seed=0):
+    """A truth and estimates of it, with a gap."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(n) / 30.0
+    angles = 0.3 + 0.25 * np.sin(t[:, None] * rng.uniform(1, 4, 20) + rng.uniform(0, 6, 20))
+    joints = HandModel.default().joints(angles)
+    time_ns = np.rint(t * 1e9).astype(np.int64)
+    made = [Sequence(time_ns, joints, name="clip")]
+    for sigma in sigmas_mm:
+        noisy = joints + rng.normal(0, sigma * 1e-3, joints.shape)
+        noisy[40:50] = np.nan
+        made.append(Sequence(time_ns, noisy, name="clip"))
+    return made
+
+
+@pytest.fixture(scope="module")
+def both():
+    truth, a, b = sequences()
+    return compare(
+        {"a</script><b>": stability_of_pairs([(a, truth)]), "b": stability_of_pairs([(b, truth)])}
+    )
+
+
+def data_of(page):
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)
+    return json.loads(found[1])
+
+
+def test_the_page_needs_nothing_but_itself(both):
+    page = to_html(both)
+    assert not re.search(r"(src|href)\s*=|@import|url\(|fetch\(|XMLHttp", page)
+    addresses = set(re.findall(r"https?://[^\"' ]+", page))
+    assert addresses == {"http://www.w3.org/2000/svg"}  # a name, not a place
+    assert data_of(page) == json.loads(json.dumps(page_data(both)))
+
+
+def test_what_is_drawn_is_what_was_measured(both):
+    data = data_of(to_html(both))
+    row = both.common["b"]
+    method = data["methods"][1]
+    assert method["mean"][0] == pytest.approx(row.pa_mpjpe_mm.mean, abs=1e-5)
+    assert method["std"][1] == pytest.approx(row.intervals["pa_mpjpe_mm"].std.low, abs=1e-5)
+    assert method["joint"] == pytest.approx(row.joint_pa_mm.tolist(), abs=0.006)
+    assert [s["text"] for s in data["sentences"]] == [d.sentence for d in both.differences]
+    (sequence,) = data["sequences"]
+    own = both.methods["b"].sequences[0].frame_values["pa_mpjpe_mm"]
+    drawn = np.array(sequence["error"][1]["mean"][0], dtype=float)
+    np.testing.assert_allclose(drawn, own, atol=0.006)
+    assert sequence["error"][1]["low"] is None
+    worst = sequence["worst"][1]
+    assert worst[0]["error"] == pytest.approx(np.nanmax(own), abs=1e-5)
+    times = [w["time"] for w in worst]
+    assert min(abs(x - y) for i, x in enumerate(times) for y in times[:i]) >= 0.39
+    off = np.subtract(worst[0]["estimate"], worst[0]["reference"])
+    assert np.linalg.norm(off, axis=1).mean() == pytest.approx(worst[0]["error"], abs=0.1)
+    pck = method["pck"]
+    at = data["thresholds"].index(5.0)
+    errors = both.methods["b"].sequences[0].material.joint_errors_mm
+    assert pck[at] == pytest.approx((errors[~np.isnan(errors)] <= 5).mean(), abs=1e-3)
+
+
+def test_long_series_stay_small_and_keep_what_stands_out():
+    truth, estimate = sequences(30_000, (1.0,))
+    joints = estimate.joints.copy()
+    joints[20_011, 8] += 0.2
+    spike = Sequence(truth.time_ns, joints, name="clip")
+    report = stability_of_pair(spike, truth)
+    data = page_data(stability_of_pairs([(spike, truth)]))
+    trace = data["sequences"][0]["error"][0]
+    assert len(trace["t"]) == 900
+    values = report.frame_values["pa_mpjpe_mm"]
+    assert max(v for v in trace["high"][0] if v) == pytest.approx(np.nanmax(values), abs=0.006)
+    assert min(v for v in trace["low"][0] if v) == pytest.approx(np.nanmin(values), abs=0.006)
+    assert len(json.dumps(data)) < 200_000
+    assert data["sequences"][0]["worst"][0][0]["frame"] == 20_011
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if BROWSER is None:
+        pytest.skip("no Chromium: the page is not opened")
+    return BROWSER
+
+
+def opened(browser, page: Path, profile: Path) -> str:
+    """The page after its script has run."""
+    done = subprocess.run(
+        [browser, *FLAGS, f"--user-data-dir={profile}", "--dump-dom", page.as_uri()],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env={**os.environ, "DBUS_SESSION_BUS_ADDRESS": "disabled:"},
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    return done.stdout
+
+
+def test_a_browser_draws_it(browser, both, sample_file, tmp_path):
+    track = ht.track(ht.load(sample_file)[0].frames(0, 59))
+    pages = {"compare": both, "track": stability(track), "alone": stability(sequences()[1])}
+    for name, report in pages.items():
+        path = tmp_path / f"{name}.html"
+        path.write_text(to_html(report), encoding="utf-8")
+        dom = opened(browser, path, tmp_path / "profile")
+        assert re.search(r'data-drawn="\d+"', dom), f"{name}: the script stopped"
+        body = dom.split("<script")[0]
+        text = html.unescape(body)
+        if name == "compare":
+            assert both.differences[0].sentence in text
+            assert body.count("<canvas") == 12
+        if name == "track":
+            assert text.count("index pip flexion") == 1
+        # no error, no PCK and no joints to be drawn
+        shown = re.search(r'<div class="two" id="middle"([^>]*)>', body)[1]
+        assert ("none" in shown) == (name == "alone")
+        assert "NaN" not in body
+        assert "undefined" not in body
