@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import click
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.hand.skeleton import HANDS
 
 if TYPE_CHECKING:
     from handtrack import Sequence, Track
@@ -179,7 +178,7 @@ def estimates(paths: tuple[Path, ...], reading: Reading) -> list[tuple[Path, Tra
                 found += [(file, sequence) for sequence in reading.load(file)]
                 continue
             tracks = ht.read_mcap(file)
-            if reading.hand in HANDS:
+            if reading.hand in ("left", "right"):
                 tracks = [t for t in tracks if t.hand == reading.hand]
             found += [(file, _cut(track, reading.frame_range)) for track in tracks]
     if not found:
