@@ -32,6 +32,8 @@ _WHERE = {
     "Track": "tracking.track",
     "write_mcap": "recording.mcap_io",
     "read_mcap": "recording.mcap_io",
+    "follow_mcap": "recording.mcap_io",
+    "McapRecorder": "recording.recorder",
     "log_rerun": "recording.rerun_log",
     "export": "recording.export.files",
     "stability": "evaluation.stability",
@@ -56,8 +58,10 @@ if TYPE_CHECKING:
     from handtrack.hand.limits import Limits as Limits
     from handtrack.hand.model import HandModel as HandModel
     from handtrack.recording.export.files import export as export
+    from handtrack.recording.mcap_io import follow_mcap as follow_mcap
     from handtrack.recording.mcap_io import read_mcap as read_mcap
     from handtrack.recording.mcap_io import write_mcap as write_mcap
+    from handtrack.recording.recorder import McapRecorder as McapRecorder
     from handtrack.recording.rerun_log import log_rerun as log_rerun
     from handtrack.sequences.identity import repair_identity as repair_identity
     from handtrack.sequences.load import load as load

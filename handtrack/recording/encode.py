@@ -20,6 +20,7 @@ from handtrack.hand.skeleton import (
 )
 from handtrack.recording.layout import Layout, tag, timestamps, varint
 from handtrack.recording.schema import message_class
+from handtrack.recording.state_fields import ARRAYS
 from handtrack.tracking.track import Event, Track
 
 Array = NDArray[np.float64]
@@ -28,22 +29,6 @@ Times = NDArray[np.uint64]
 _FLOAT32 = 7  # foxglove.PackedElementField.FLOAT32
 _LOG_LEVEL = {"info": 2, "warning": 3}
 _PART_PARENT = np.array([0] + [0 if i == 0 else 3 * f + i for f in range(5) for i in range(3)])
-
-# field number, attribute of Track, numbers in a frame
-_STATE_ARRAYS = (
-    (3, "observed", 63),
-    (4, "confidence", 21),
-    (5, "truth", 63),
-    (6, "angles_raw", 20),
-    (7, "angles", 20),
-    (8, "quaternion_raw", 4),
-    (9, "quaternion", 4),
-    (10, "translation_raw", 3),
-    (11, "translation", 3),
-    (12, "fitted_joints", 63),
-    (13, "filtered_joints", 63),
-    (14, "angle_variance", 20),
-)
 
 
 def text(value: str) -> str:
@@ -81,7 +66,8 @@ def hand_message(track: Track) -> bytes:
     out.limits_upper.extend(model.limits.upper)
     out.rest_joints.extend(model.rest_joints.ravel())
     out.axes.extend(model.axes.ravel())
-    out.faces.extend(model.faces.ravel())
+    out.faces.extend(track.faces.ravel())
+    out.n_vertices = track.n_vertices
     if not model.licensed:
         out.rest_vertices.extend(model.rest_vertices.ravel())
         out.weights.extend(model.weights.ravel())
@@ -97,11 +83,11 @@ def state_messages(track: Track, frames: slice) -> list[bytes]:
         "objective": track.objective[frames].astype("<f8"),
         "sweeps": track.sweeps[frames].astype("<i8"),
     }
-    for number, name, count in _STATE_ARRAYS:
-        array = getattr(track, name)
+    for field in ARRAYS:
+        array = getattr(track, field.name)
         if array is not None:
-            layout.numbers(number, name, count)
-            values[name] = array[frames].astype("<f8")
+            layout.numbers(field.number, field.name, field.size)
+            values[field.name] = array[frames].astype("<f8")
     layout.number(15, "objective").number(16, "sweeps")
     status, reason = track.status[frames], track.reason[frames]
     rows = layout.rows(len(status), **values)
@@ -135,13 +121,17 @@ def cloud_messages(times: Times, points: Array, frame_id: str = "world") -> list
     with np.errstate(over="ignore", invalid="ignore"):
         data = np.ascontiguousarray(points, "<f4")
     data_tag = tag(6, 2) + varint(data[:1].nbytes)
-    # NumPy reduces over an axis of three slowly
-    finite = np.isfinite(data)
-    seen = (finite[..., 0] & finite[..., 1] & finite[..., 2]).any(-1)
     return [
         start.tobytes() + data_tag + frame.tobytes() if any_seen else start.tobytes()
-        for start, frame, any_seen in zip(heads, data, seen.tolist(), strict=True)
+        for start, frame, any_seen in zip(heads, data, known_rows(data).tolist(), strict=True)
     ]
+
+
+def known_rows(points: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """(n,) whether any point of a row of points (n, k, 3) is finite."""
+    finite = np.isfinite(points)
+    # NumPy reduces over an axis of three slowly
+    return np.asarray((finite[..., 0] & finite[..., 1] & finite[..., 2]).any(-1))
 
 
 class TransformEncoder:
@@ -160,7 +150,7 @@ class TransformEncoder:
         for part, name in enumerate(names):
             parent = int(_PART_PARENT[part])
             offset = joints[part] - joints[parent] if part else joints[0]
-            fixed = Layout(_tagged(offset[None]).tobytes())
+            fixed = Layout(tagged(offset[None]).tobytes())
             transform = _transform(names[parent] if part else topic, name, fixed, str(part))
             self._layout.field(1, transform)
 
@@ -173,8 +163,8 @@ class TransformEncoder:
             rotations = self._model.rotations(np.where(known[:, None], angles, 0.0))
             parents = rotations[:, _PART_PARENT]
             local = matrix_to_quaternion(np.swapaxes(parents, -1, -2) @ rotations)
-        values = {str(part): _tagged(_xyzw(local[:, part])) for part in range(N_PARTS)}
-        values |= {"root": _tagged(_xyzw(quaternion)), "translation": _tagged(translation)}
+        values = {str(part): tagged(_xyzw(local[:, part])) for part in range(N_PARTS)}
+        values |= {"root": tagged(_xyzw(quaternion)), "translation": tagged(translation)}
         rows = self._layout.rows(len(times), **timestamps(times), **values)
         return [row.tobytes() if ok else None for row, ok in zip(rows, known.tolist(), strict=True)]
 
@@ -188,7 +178,7 @@ def _xyzw(quaternion: Array) -> Array:
     return np.roll(quaternion, -1, axis=-1)
 
 
-def _tagged(values: Array) -> NDArray[np.uint8]:
+def tagged(values: Array) -> NDArray[np.uint8]:
     """Rows (n, k) as the protobuf double fields 1..k: (n, 9 k) bytes."""
     n, k = values.shape
     out = np.empty((n, k, 9), np.uint8)

@@ -21,11 +21,15 @@ class Line(NamedTuple):
     text: str
 
 
-def log_lines(track: Track) -> list[Line]:
-    """All lines in order of time."""
+def log_lines(track: Track, before: tuple[str, str] = ("fitted", "")) -> list[Line]:
+    """All lines in order of time.
+
+    Args:
+        track: a track, or a stretch of one.
+        before: status and reason of the frame before its first.
+    """
     lines = [Line(e.time_ns, e.level, e.text) for e in track.events]
     told = {line.time_ns for line in lines}
-    before = ("fitted", "")
     states = zip(track.status.tolist(), track.reason.tolist(), strict=True)
     for frame, time, now in zip(
         track.frame_index.tolist(), track.time_ns.tolist(), states, strict=True

@@ -1,4 +1,4 @@
-"""Tracks in MCAP files: written whole or not at all, read back exactly.
+"""Tracks in MCAP files: written whole or as they happen, read back exactly.
 
 What the files hold is said in `handtrack.proto`.
 """
@@ -6,7 +6,7 @@ What the files hold is said in `handtrack.proto`.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from handtrack.errors import SettingsError
@@ -18,8 +18,9 @@ def write_mcap(
     tracks: Track | Sequence[Track],
     path: str | Path,
     *,
-    mesh: bool = True,
+    mesh: str | bool = "full",
     compression: str = "lz4",
+    foxglove_mesh: bool = False,
 ) -> Path:
     """Write tracks (hands, people) of one recording to an MCAP file.
 
@@ -29,9 +30,11 @@ def write_mcap(
     Args:
         tracks: one track or several; they may have different times.
         path: the file to write.
-        mesh: write the skin's vertices in every frame, for viewers (float32; about 20 kB a
-            frame). Reading back doesn't need them.
+        mesh: the skin's vertices, for viewers: "full" (float32; about 28 kB a frame),
+            "quantised" (0.12 mm), "every N", "quantised,every N" or "none" (see `MeshChoice`).
+            Reading back doesn't need them, unless the model is licensed.
         compression: "lz4", "zstd" or "none".
+        foxglove_mesh: write the skin as `foxglove.SceneUpdate` too (about 125 kB a frame).
 
     Returns:
         The path written.
@@ -39,17 +42,19 @@ def write_mcap(
     Raises:
         InputError: the folder is missing, or the path is a folder.
         SettingsError: there is no track, a track's time does not increase, its settings are
-            not plain JSON, or the compression is unknown.
+            not plain JSON, or mesh or compression are unknown.
         HandtrackError: writing failed (a full disk, no permission).
     """
-    from handtrack.recording.mcap_write import write_messages
+    from handtrack.recording.mcap_write import Choices, write_messages
+    from handtrack.recording.mesh_choice import MeshChoice
 
+    choices = Choices(MeshChoice.of(mesh), foxglove_mesh, compression)
     tracks = [tracks] if isinstance(tracks, Track) else list(tracks)
     if not tracks:
         raise SettingsError("there is no track to write")
     path = Path(path)
     with whole_file(path) as part, part.open("wb") as stream:
-        write_messages(stream, tracks, mesh=mesh, compression=compression)
+        write_messages(stream, tracks, choices)
         stream.flush()
         os.fsync(stream.fileno())
     return path
@@ -71,3 +76,25 @@ def read_mcap(path: str | Path) -> list[Track]:
     from handtrack.recording.mcap_read import read_tracks
 
     return read_tracks(Path(path))
+
+
+def follow_mcap(
+    path: str | Path, *, poll_s: float = 0.1, timeout_s: float = 10.0
+) -> Iterator[Track]:
+    """Read a recording while it is written.
+
+    Args:
+        path: the part that a `McapRecorder` writes (`recorder.part`), or any recording.
+        poll_s: how often to look for more [s].
+        timeout_s: how long to wait for more [s]; the writer may be dead.
+
+    Yields:
+        The next frames of a hand, as a Track, until the recording is complete or nothing
+        comes any more.
+
+    Raises:
+        InputError: as `read_mcap`.
+    """
+    from handtrack.recording.mcap_read import follow_tracks
+
+    return follow_tracks(Path(path), poll_s, timeout_s)

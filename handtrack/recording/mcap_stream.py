@@ -16,7 +16,9 @@ import numpy as np
 from handtrack.recording.mcap_walk import MAGIC
 
 if TYPE_CHECKING:
-    from mcap.records import ChunkIndex, McapRecord, MetadataIndex, SummaryOffset
+    from mcap.records import McapRecord, MetadataIndex, SummaryOffset
+
+CHUNK_NS = 1_000_000_000
 
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log and publish time
 _CHUNK = struct.Struct("<BQQQQI")  # opcode, length, first and last time, size, checksum
@@ -26,29 +28,38 @@ _INDEX = struct.Struct("<BQHI")  # opcode, length, channel, bytes of entries
 class McapStream:
     """Writes to a stream from its start; `finish` completes the file.
 
-    A chunk is compressed and written once it holds `chunk_bytes`; all that came before it can
-    then be read, whatever happens to the writer. Chunks, the data as a whole and the index at
-    the end have checksums.
+    A chunk is compressed and written once it holds `chunk_bytes` or `chunk_ns` of time, though
+    not between messages of the same time; all that came before it can then be read, whatever
+    happens to the writer. Chunks, the data as a whole and the index at the end have checksums.
+    What is kept in memory grows by some 200 bytes a chunk.
 
     Args:
-        stream: where to write; not closed.
+        stream: where to write; flushed after each chunk, not closed.
         compression: "lz4", "zstd" or "none".
         chunk_bytes: size of a chunk before compression.
+        chunk_ns: how much time a chunk may span [ns].
     """
 
-    def __init__(self, stream: IO[bytes], compression: str, chunk_bytes: int) -> None:
+    def __init__(
+        self, stream: IO[bytes], compression: str, chunk_bytes: int, chunk_ns: int = CHUNK_NS
+    ) -> None:
         from mcap.records import Header
 
-        self._stream, self._compression, self._chunk_bytes = stream, compression, chunk_bytes
+        self._stream, self._compression = stream, compression
+        self._chunk_bytes, self._chunk_ns = chunk_bytes, chunk_ns
         self._position = self._crc = 0
         self._definitions: list[McapRecord] = []
         self._schemas = self._channels = 0
-        self._chunks: list[ChunkIndex] = []
+        self._chunks: list[bytes] = []
+        self._span: tuple[int, int] | None = None
         self._metadata: list[MetadataIndex] = []
         self._counts: dict[int, int] = {}
+        self.bytes: dict[int, int] = {}
+        """Bytes of all messages of each channel, before compression."""
         self._parts: list[bytes] = []
         self._size = 0
         self._entries: dict[int, list[tuple[int, int]]] = {}
+        self._first = self._last = 0
         self._put(MAGIC)
         self._put(_record(Header("", "handtrack")))
 
@@ -74,7 +85,7 @@ class McapStream:
                 schema_id=schema_id,
             )
         )
-        self._counts[self._channels] = 0
+        self._counts[self._channels] = self.bytes[self._channels] = 0
         return self._channels
 
     def _define(self, record: McapRecord) -> None:
@@ -91,6 +102,14 @@ class McapStream:
 
     def message(self, channel: int, time: int, sequence: int, data: bytes) -> None:
         """Add a message with its log time [ns]."""
+        if time != self._last and self._entries:
+            late = abs(time - self._first) >= self._chunk_ns
+            if late or self._size >= self._chunk_bytes:
+                self.flush()
+        if not self._entries:
+            self._first = time
+        self._last = time
+        self.bytes[channel] += len(data)
         entry = (time, self._size)
         if channel in self._entries:
             self._entries[channel].append(entry)
@@ -99,8 +118,6 @@ class McapStream:
         self._parts.append(_MESSAGE.pack(5, 22 + len(data), channel, sequence, time, time))
         self._add(data)
         self._size += _MESSAGE.size
-        if self._size >= self._chunk_bytes:
-            self.flush()
 
     def _add(self, data: bytes) -> None:
         self._parts.append(data)
@@ -121,27 +138,29 @@ class McapStream:
         length = _CHUNK.size - 9 + len(tail) + len(packed)
         head = _CHUNK.pack(6, length, start, end, len(body), zlib.crc32(body)) + tail
         chunk_at = self._position
-        self._put(head)
-        self._put(packed)
-        index_at, offsets = self._position, {}
+        index_at, offsets = chunk_at + len(head) + len(packed), {}
+        indexes = bytearray()
         for channel, entries in self._entries.items():
-            offsets[channel] = self._position
+            offsets[channel] = index_at + len(indexes)
             data = np.array(entries, "<u8").tobytes()
-            self._put(_INDEX.pack(7, 6 + len(data), channel, len(data)) + data)
+            indexes += _INDEX.pack(7, 6 + len(data), channel, len(data)) + data
             self._counts[channel] += len(entries)
-        self._chunks.append(
-            ChunkIndex(
-                message_start_time=start,
-                message_end_time=end,
-                chunk_start_offset=chunk_at,
-                chunk_length=index_at - chunk_at,
-                message_index_offsets=offsets,
-                message_index_length=self._position - index_at,
-                compression=name,
-                compressed_size=len(packed),
-                uncompressed_size=len(body),
-            )
+        self._put(head + packed + indexes)
+        self._stream.flush()
+        index = ChunkIndex(
+            message_start_time=start,
+            message_end_time=end,
+            chunk_start_offset=chunk_at,
+            chunk_length=index_at - chunk_at,
+            message_index_offsets=offsets,
+            message_index_length=len(indexes),
+            compression=name,
+            compressed_size=len(packed),
+            uncompressed_size=len(body),
         )
+        self._chunks.append(_record(index))
+        first, last = self._span or (start, end)
+        self._span = min(first, start), max(last, end)
         self._parts, self._size, self._entries = [], 0, {}
 
     def finish(self) -> None:
@@ -152,28 +171,29 @@ class McapStream:
         self.flush()
         self._put(_record(DataEnd(self._crc)))
         start = self._position
+        start_time, end_time = self._span or (0, 0)
         statistics = Statistics(
             attachment_count=0,
             channel_count=self._channels,
             channel_message_counts=self._counts,
             chunk_count=len(self._chunks),
             message_count=sum(self._counts.values()),
-            message_start_time=min((c.message_start_time for c in self._chunks), default=0),
-            message_end_time=max((c.message_end_time for c in self._chunks), default=0),
+            message_start_time=start_time,
+            message_end_time=end_time,
             metadata_count=len(self._metadata),
             schema_count=self._schemas,
         )
         groups = (
-            (Opcode.SCHEMA, [r for r in self._definitions if isinstance(r, Schema)]),
-            (Opcode.CHANNEL, [r for r in self._definitions if isinstance(r, Channel)]),
-            (Opcode.STATISTICS, [statistics]),
+            (Opcode.SCHEMA, [_record(r) for r in self._definitions if isinstance(r, Schema)]),
+            (Opcode.CHANNEL, [_record(r) for r in self._definitions if isinstance(r, Channel)]),
+            (Opcode.STATISTICS, [_record(statistics)]),
             (Opcode.CHUNK_INDEX, self._chunks),
-            (Opcode.METADATA_INDEX, self._metadata),
+            (Opcode.METADATA_INDEX, [_record(record) for record in self._metadata]),
         )
         summary = bytearray()
         offsets: list[SummaryOffset] = []
         for opcode, records in groups:
-            data = b"".join(_record(record) for record in records)
+            data = b"".join(records)
             offsets.append(SummaryOffset(opcode, start + len(summary), len(data)))
             summary += data
         offsets_at = start + len(summary)

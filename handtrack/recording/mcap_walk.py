@@ -10,10 +10,11 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, NamedTuple
 
 from handtrack.errors import InputError
 
@@ -23,6 +24,36 @@ if TYPE_CHECKING:
 MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
+
+
+def opened(path: Path) -> IO[bytes]:
+    """A file open for reading.
+
+    Raises:
+        InputError: there is none, or it can't be read.
+    """
+    try:
+        return path.open("rb")
+    except FileNotFoundError as error:
+        raise InputError("there is no such file", path) from error
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", path) from error
+
+
+class Found(NamedTuple):
+    """A message.
+
+    Attributes:
+        channel: id of its channel.
+        sequence: its number.
+        time: log time [ns].
+        data: its content.
+    """
+
+    channel: int
+    sequence: int
+    time: int
+    data: bytes
 
 
 @dataclass
@@ -35,6 +66,7 @@ class Walk:
         channels: channels by id.
         schemas: names of schemas by id.
         cut: where and how the file ends too early; empty for a complete file.
+        done: whether the end of the data was met.
     """
 
     path: Path
@@ -42,14 +74,24 @@ class Walk:
     channels: dict[int, Channel] = field(default_factory=dict)
     schemas: dict[int, str] = field(default_factory=dict)
     cut: str = ""
+    done: bool = False
     _position: int = 0
+    _crc: int = 0
 
-    def messages(self, wanted: Callable[[str], bool]) -> Iterator[tuple[int, int, bytes]]:
+    def messages(
+        self, wanted: Callable[[str], bool], stream: IO[bytes] | None = None
+    ) -> Iterator[Found]:
         """Messages of the channels whose schema's name is wanted, in the file's order.
 
+        Of a file that was cut, a second call goes on from there, if it has grown since.
+
+        Args:
+            wanted: by the schema's name.
+            stream: the file, if it is open already.
+
         Yields:
-            (channel id, sequence number, data); with `metadata`, `channels` and `schemas`
-            filled as far as the file was read.
+            messages; with `metadata`, `channels` and `schemas` filled as far as the file was
+            read.
 
         Raises:
             InputError: it can't be read, is no MCAP file, or is damaged.
@@ -67,11 +109,9 @@ class Walk:
             MemoryError,
         )
         try:
-            with open(self.path, "rb") as stream:
-                for opcode, content in self._records(stream):
+            with opened(self.path) if stream is None else nullcontext(stream) as source:
+                for opcode, content in self._records(source):
                     yield from self._record(opcode, content, wanted)
-        except FileNotFoundError as error:
-            raise InputError("there is no such file", self.path) from error
         except OSError as error:
             reason = error.strerror or str(error)
             raise InputError(f"cannot be read: {reason}", self.path) from error
@@ -83,11 +123,12 @@ class Walk:
         from mcap.opcode import Opcode
 
         size = stream.seek(0, 2)
-        stream.seek(0)
-        start = stream.read(len(MAGIC))
-        if start != MAGIC:
-            raise InputError("not an MCAP file" if size else "the file is empty", self.path)
-        crc, self._position = zlib.crc32(start), len(MAGIC)
+        stream.seek(self._position)
+        if not self._position:
+            start = stream.read(len(MAGIC))
+            if start != MAGIC:
+                raise InputError("not an MCAP file" if size else "the file is empty", self.path)
+            self._crc, self._position = zlib.crc32(start), len(MAGIC)
         while self._position < size:
             head = stream.read(_RECORD.size)
             if len(head) < _RECORD.size:
@@ -98,17 +139,18 @@ class Walk:
             content = stream.read(length)
             if opcode == Opcode.DATA_END:
                 (expected,) = struct.unpack("<I", content)
-                if expected not in (0, crc):
+                if expected not in (0, self._crc):
                     raise ValueError("the checksum of the data differs")
+                self.done, self.cut = True, ""
                 return
             yield opcode, content
-            crc = zlib.crc32(content, zlib.crc32(head, crc))
+            self._crc = zlib.crc32(content, zlib.crc32(head, self._crc))
             self._position += _RECORD.size + length
         self.cut = f"it ends in the middle of its data, after byte {self._position}"
 
     def _record(
         self, opcode: int, content: bytes, wanted: Callable[[str], bool]
-    ) -> Iterator[tuple[int, int, bytes]]:
+    ) -> Iterator[Found]:
         from mcap.data_stream import ReadDataStream
         from mcap.opcode import Opcode
         from mcap.records import Channel, Chunk, Metadata, Schema
@@ -119,9 +161,9 @@ class Walk:
             stream, length = get_chunk_data_stream(chunk, validate_crc=True)
             yield from self._inside(stream.read(length), wanted)
         elif opcode == Opcode.MESSAGE:
-            channel, sequence, _, _ = _MESSAGE.unpack_from(content)
+            channel, sequence, time, _ = _MESSAGE.unpack_from(content)
             if wanted(self._schema_of(channel)):
-                yield channel, sequence, content[_MESSAGE.size :]
+                yield Found(channel, sequence, time, content[_MESSAGE.size :])
         elif opcode == Opcode.SCHEMA:
             schema = Schema.read(ReadDataStream(BytesIO(content)))
             self.schemas[schema.id] = schema.name
@@ -132,9 +174,7 @@ class Walk:
             found = Metadata.read(ReadDataStream(BytesIO(content)))
             self.metadata[found.name] = found.metadata
 
-    def _inside(
-        self, data: bytes, wanted: Callable[[str], bool]
-    ) -> Iterator[tuple[int, int, bytes]]:
+    def _inside(self, data: bytes, wanted: Callable[[str], bool]) -> Iterator[Found]:
         """Messages in the records of a chunk."""
         from mcap.opcode import Opcode
 

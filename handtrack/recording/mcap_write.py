@@ -1,30 +1,36 @@
-"""Tracks to the messages of an MCAP file, in order of time."""
+"""Tracks to the messages of an MCAP file: what `write_mcap` and `McapRecorder` share."""
 
 from __future__ import annotations
 
 import heapq
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import IO
 
 import numpy as np
 
+from handtrack import __version__
 from handtrack.errors import SettingsError
 from handtrack.recording import encode
-from handtrack.recording.log_lines import log_lines
+from handtrack.recording.log_lines import Line, log_lines
 from handtrack.recording.mcap_stream import McapStream
+from handtrack.recording.mesh_choice import MeshChoice
+from handtrack.recording.scene import SceneEncoder
 from handtrack.recording.schema import JOINT_STATE_NAME, JOINT_STATE_ROS2, descriptor_set
+from handtrack.recording.summary import SUMMARY, HandSummary, summary_record
 from handtrack.recording.topics import hand_topics
-from handtrack.tracking.track import Track
+from handtrack.tracking.track import Event, Track
 
-FORMAT_VERSION = "1"
+FORMAT_VERSION = "2"
 METADATA = "handtrack"
-BATCH = 256
+BATCH = 128
 """Frames encoded at a time: bounds the memory that meshes take."""
-CHUNK_BYTES = 256 * 1024
+CHUNK_BYTES = 224 * 1024
+"""A chunk ends with the frame that fills it: mostly at 256 KiB."""
 COMPRESSIONS = ("lz4", "zstd", "none")
 
-# subtopic -> schema; those of None need no schema of protobuf
+# subtopic -> schema
 _TOPICS = {
     "model": "handtrack.Hand",
     "state": "handtrack.State",
@@ -32,6 +38,7 @@ _TOPICS = {
     "observed": "foxglove.PointCloud",
     "fitted": "foxglove.PointCloud",
     "mesh": "foxglove.PointCloud",
+    "skin": "foxglove.SceneUpdate",
     "transforms": "foxglove.FrameTransforms",
     "joint_states": JOINT_STATE_NAME,
     "log": "foxglove.Log",
@@ -41,132 +48,230 @@ Message = tuple[int, int, int, int, bytes]
 """log time, hand, sequence number, channel, data"""
 
 
-def write_messages(
-    stream: IO[bytes], tracks: Sequence[Track], *, mesh: bool, compression: str
-) -> None:
-    """Write a whole MCAP file to a stream.
+@dataclass(frozen=True)
+class Choices:
+    """What goes into a recording, and how.
+
+    Attributes:
+        mesh: which skins.
+        foxglove_mesh: the same skins as foxglove.SceneUpdate too.
+        compression: of chunks.
 
     Raises:
-        SettingsError: compression is unknown, settings are not JSON, or a track's time does
-            not increase.
+        SettingsError: compression is unknown, or a scene is wanted without a mesh.
     """
-    if compression not in COMPRESSIONS:
-        raise SettingsError(
-            f"compression {compression!r} is unknown, expected one of {', '.join(COMPRESSIONS)}"
-        )
-    for track in tracks:
-        if (track.time_ns[1:] <= track.time_ns[:-1]).any():
-            raise SettingsError(f"time of {track.name} does not increase")
+
+    mesh: MeshChoice = field(default_factory=MeshChoice)
+    foxglove_mesh: bool = False
+    compression: str = "lz4"
+
+    def __post_init__(self) -> None:
+        if self.compression not in COMPRESSIONS:
+            known = ", ".join(COMPRESSIONS)
+            raise SettingsError(
+                f"compression {self.compression!r} is unknown, expected one of {known}"
+            )
+        if self.foxglove_mesh and not self.mesh.every:
+            raise SettingsError("a mesh for Foxglove needs a mesh, but mesh is none")
+
+
+def write_messages(stream: IO[bytes], tracks: Sequence[Track], choices: Choices) -> None:
+    """Write a whole MCAP file to a stream, messages of all tracks in order of time.
+
+    Raises:
+        SettingsError: settings are not JSON, or a track's time does not increase.
+    """
     starts = [int(t.time_ns[0]) for t in tracks if len(t)]
     first = min([*starts, *(e.time_ns for t in tracks for e in t.events)], default=0)
-    # MCAP's times cannot be negative
-    offset = min(first, 0)
-    models = [encode.hand_message(track) for track in tracks]
-    writer = McapStream(stream, compression, CHUNK_BYTES)
-    topics = hand_topics((t.name, t.hand) for t in tracks)
-    writer.metadata(METADATA, _metadata(tracks, topics, offset))
-    schemas: dict[str, int] = {}
-    hands = [
-        _HandWriter(writer, schemas, i, topic, track, offset, mesh and _has_skin(track))
-        for i, (topic, track) in enumerate(zip(topics, tracks, strict=True))
-    ]
-    for hand, model in zip(hands, models, strict=True):
-        hand.write_model(first - offset, model)
-    sources = [source for hand in hands for source in hand.sources()]
-    for time, _, sequence, channel, data in heapq.merge(*sources, key=lambda m: m[:2]):
-        writer.message(channel, time, sequence & 0xFFFFFFFF, data)
+    writer = RecordingWriter(stream, [(t.name, t.hand) for t in tracks], first, choices)
+    hands = [writer.hand(i, track, first) for i, track in enumerate(tracks)]
+    writer.add([m for hand, track in zip(hands, tracks, strict=True) for m in hand.messages(track)])
+    for hand, track in zip(hands, tracks, strict=True):
+        hand.summary.add(track)
     writer.finish()
 
 
-def _has_skin(track: Track) -> bool:
-    return len(track.model.rest_vertices) > 0
+class RecordingWriter:
+    """The messages of several hands, to one stream.
 
-
-def _metadata(tracks: Sequence[Track], topics: list[str], offset: int) -> dict[str, str]:
-    def by_hand(values: Iterator[object]) -> str:
-        return json.dumps(dict(zip(topics, values, strict=True)))
-
-    return {
-        "format_version": FORMAT_VERSION,
-        "version": encode.text(", ".join(sorted({t.version for t in tracks}))),
-        "time_offset_ns": str(offset),
-        "hands": by_hand(t.name for t in tracks),
-        "models": by_hand(t.model.name for t in tracks),
-        "limits": by_hand(t.model.limits.name for t in tracks),
-        "settings": by_hand(dict(t.settings) for t in tracks),
-    }
-
-
-class _HandWriter:
-    """The channels of one hand, and its messages as they come."""
+    Args:
+        stream: where to write.
+        hands: (name, side) of all hands that there may be.
+        first_ns: earliest time in the recording [ns]; MCAP's times cannot be negative.
+        choices: what goes in.
+    """
 
     def __init__(
-        self,
-        writer: McapStream,
-        schemas: dict[str, int],
-        index: int,
-        topic: str,
-        track: Track,
-        offset: int,
-        mesh: bool,
+        self, stream: IO[bytes], hands: Sequence[tuple[str, str]], first_ns: int, choices: Choices
     ) -> None:
-        self._writer, self._index, self._topic = writer, index, topic
-        self._track, self._offset, self._mesh = track, offset, mesh
-        self._channel = {
-            name: self._register(schemas, f"/{topic}/{name}", schema)
-            for name, schema in _TOPICS.items()
-            if mesh or name != "mesh"
+        self.stream = McapStream(stream, choices.compression, CHUNK_BYTES)
+        self.choices, self.offset = choices, min(first_ns, 0)
+        self.topics = hand_topics(hands)
+        self._schemas: dict[str, int] = {}
+        self._names = dict(zip(self.topics, (encode.text(name) for name, _ in hands), strict=True))
+        self._hands: dict[str, HandWriter] = {}
+        values = {
+            "format_version": FORMAT_VERSION,
+            "version": __version__,
+            "time_offset_ns": str(self.offset),
+            "hands": json.dumps(self._names),
+            "mesh": str(choices.mesh),
         }
+        self.stream.metadata(METADATA, values)
 
-    def _register(self, schemas: dict[str, int], topic: str, schema: str) -> int:
+    def hand(self, index: int, head: Track, first_ns: int) -> HandWriter:
+        """Begin a hand with what does not change of its track.
+
+        Raises:
+            SettingsError: its settings are not plain JSON values.
+        """
+        data = encode.hand_message(head)
+        topic = self.topics[index]
+        values = {
+            "name": encode.text(head.name),
+            "hand": head.hand,
+            "model": encode.text(head.model.name),
+            "limits": encode.text(head.model.limits.name),
+            "settings": json.dumps(dict(head.settings)),
+            "version": encode.text(head.version),
+        }
+        self.stream.metadata(f"{METADATA}/{topic}", values)
+        hand = HandWriter(self, index, topic, head)
+        self._hands[topic] = hand
+        self.stream.message(hand.channel["model"], max(first_ns - self.offset, 0), 0, data)
+        return hand
+
+    def register(self, topic: str, schema: str) -> int:
+        """The channel of a new topic."""
         ros2 = schema == JOINT_STATE_NAME
-        if schema not in schemas:
+        if schema not in self._schemas:
             data = JOINT_STATE_ROS2.encode() if ros2 else descriptor_set(schema)
             encoding = "ros2msg" if ros2 else "protobuf"
-            schemas[schema] = self._writer.schema(schema, encoding, data)
-        message_encoding = "cdr" if ros2 else "protobuf"
-        return self._writer.channel(topic, message_encoding, schemas[schema])
+            self._schemas[schema] = self.stream.schema(schema, encoding, data)
+        return self.stream.channel(topic, "cdr" if ros2 else "protobuf", self._schemas[schema])
 
-    def write_model(self, time: int, data: bytes) -> None:
-        self._writer.message(self._channel["model"], time, 0, data)
+    def add(self, sources: Sequence[Iterator[Message]]) -> None:
+        """Write messages, from sources that are each in order of time."""
+        for time, _, sequence, channel, data in heapq.merge(*sources, key=lambda m: m[:2]):
+            self.stream.message(channel, time, sequence & 0xFFFFFFFF, data)
 
-    def sources(self) -> Sequence[Iterator[Message]]:
-        """Everything but the model, each source in order of time."""
-        return self._events(), self._lines(), self._frames()
+    def finish(self) -> None:
+        """Write what is left, the summary and the index."""
+        self.stream.flush()
+        hands = {topic: hand.summary.values() for topic, hand in self._hands.items()}
+        sizes = {
+            f"/{topic}/{name}": self.stream.bytes[channel]
+            for topic, hand in self._hands.items()
+            for name, channel in hand.channel.items()
+        }
+        self.stream.metadata(SUMMARY, summary_record(hands, sizes))
+        self.stream.finish()
 
-    def _events(self) -> Iterator[Message]:
-        numbered = enumerate(self._track.events)
-        for i, event in sorted(numbered, key=lambda pair: pair[1].time_ns):
-            time = event.time_ns - self._offset
-            yield time, self._index, i, self._channel["event"], encode.event_message(event)
 
-    def _lines(self) -> Iterator[Message]:
-        for i, line in enumerate(log_lines(self._track)):
-            time = line.time_ns - self._offset
+class HandWriter:
+    """The channels of one hand, and its messages as they come, stretch by stretch."""
+
+    def __init__(self, writer: RecordingWriter, index: int, topic: str, head: Track) -> None:
+        self._index, self._topic, self._offset = index, topic, writer.offset
+        self._mesh = writer.choices.mesh
+        skin = bool(self._mesh.every) and head.n_vertices > 0
+        scene = skin and writer.choices.foxglove_mesh
+        wanted = {"mesh": skin, "skin": scene}
+        self.channel = {
+            name: writer.register(f"/{topic}/{name}", schema)
+            for name, schema in _TOPICS.items()
+            if wanted.get(name, True)
+        }
+        self._transforms = encode.TransformEncoder(topic, head.model)
+        self._scene = SceneEncoder(topic, head.faces, head.n_vertices) if scene else None
+        self.summary = HandSummary(head)
+        self._frames = self._events = self._lines = 0
+        self._before = ("fitted", "")
+        self._last_ns: int | None = None
+
+    def messages(self, part: Track) -> Sequence[Iterator[Message]]:
+        """All of the next frames, each source in order of time.
+
+        Raises:
+            SettingsError: time does not increase, or is before the recording's first.
+        """
+        times = part.time_ns
+        back = bool((times[1:] <= times[:-1]).any())
+        if len(part) and self._last_ns is not None:
+            back |= int(times[0]) <= self._last_ns
+        if back:
+            raise SettingsError(f"time of {part.name} does not increase")
+        if len(part) and int(times[0]) < self._offset:
+            raise SettingsError(
+                f"time of {part.name} is negative and before the recording's first: give start_ns"
+            )
+        lines = log_lines(part, self._before)
+        sources = (self._happened(part.events), self._log(lines), self._states(part, self._frames))
+        self._frames += len(part)
+        if len(part):
+            self._last_ns = int(times[-1])
+            self._before = (str(part.status[-1]), str(part.reason[-1]))
+        return sources
+
+    def _log_time(self, time_ns: int) -> int:
+        # what is said of a time before the first stands at the first
+        return max(time_ns - self._offset, 0)
+
+    def _happened(self, events: Sequence[Event]) -> Iterator[Message]:
+        first, self._events = self._events, self._events + len(events)
+        return (
+            (
+                self._log_time(event.time_ns),
+                self._index,
+                first + i,
+                self.channel["event"],
+                encode.event_message(event),
+            )
+            for i, event in sorted(enumerate(events), key=lambda pair: pair[1].time_ns)
+        )
+
+    def _log(self, lines: Sequence[Line]) -> Iterator[Message]:
+        first, self._lines = self._lines, self._lines + len(lines)
+        for i, line in enumerate(lines, first):
+            time = self._log_time(line.time_ns)
             data = encode.log_message(time, line.level, line.text, self._topic)
-            yield time, self._index, i, self._channel["log"], data
+            yield time, self._index, i, self.channel["log"], data
 
-    def _frames(self) -> Iterator[Message]:
-        track = self._track
-        transforms = encode.TransformEncoder(self._topic, track.model)
-        for start in range(0, len(track), BATCH):
+    def _states(self, part: Track, first: int) -> Iterator[Message]:
+        for start in range(0, len(part), BATCH):
             frames = slice(start, start + BATCH)
             # modulo 2^64, so right for every pair of int64
-            times = track.time_ns[frames].astype(np.uint64) - np.uint64(self._offset % 2**64)
+            times = part.time_ns[frames].astype(np.uint64) - np.uint64(self._offset % 2**64)
             columns: dict[str, Sequence[bytes | None]] = {
-                "state": encode.state_messages(track, frames),
-                "observed": encode.cloud_messages(times, track.observed[frames]),
-                "fitted": encode.cloud_messages(times, track.fitted_joints[frames]),
-                "transforms": transforms.messages(times, track, frames),
-                "joint_states": encode.joint_state_messages(times, track.angles[frames]),
+                "state": encode.state_messages(part, frames),
+                "observed": encode.cloud_messages(times, part.observed[frames]),
+                "fitted": encode.cloud_messages(times, part.fitted_joints[frames]),
+                "transforms": self._transforms.messages(times, part, frames),
+                "joint_states": encode.joint_state_messages(times, part.angles[frames]),
             }
-            if self._mesh:
-                with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-                    columns["mesh"] = encode.cloud_messages(times, track.vertices(frames))
-            channels = [self._channel[name] for name in columns]
+            if "mesh" in self.channel:
+                columns |= self._skins(times, part, first, start)
+            channels = [self.channel[name] for name in columns]
             for i, (time, *row) in enumerate(
-                zip(times.tolist(), *columns.values(), strict=True), start
+                zip(times.tolist(), *columns.values(), strict=True), first + start
             ):
                 for channel, data in zip(channels, row, strict=True):
                     if data is not None:
                         yield time, self._index, i, channel, data
+
+    def _skins(
+        self, times: encode.Times, part: Track, first: int, start: int
+    ) -> dict[str, list[bytes | None]]:
+        """The skin's messages of a batch; None for frames without."""
+        picked = np.arange(-(first + start) % self._mesh.every, len(times), self._mesh.every)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            vertices = self._mesh.rounded(part.vertices(picked + start))
+            made = {"mesh": encode.cloud_messages(times[picked], vertices)}
+            if self._scene is not None:
+                made["skin"] = self._scene.messages(times[picked], vertices)
+        out: dict[str, list[bytes | None]] = {}
+        for name, messages in made.items():
+            out[name] = [None] * len(times)
+            for i, data in zip(picked.tolist(), messages, strict=True):
+                out[name][i] = data
+        return out

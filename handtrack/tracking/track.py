@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,22 @@ class Event:
     time_ns: int
     level: str
     text: str
+
+
+class Skin(Protocol):
+    """Skins of a sequence that were computed once.
+
+    Attributes:
+        n_vertices: V.
+        faces: (F, 3) triangles.
+    """
+
+    n_vertices: int
+    faces: NDArray[np.int32]
+
+    def vertices(self, frames: slice | NDArray[np.int64]) -> Array:
+        """(n, V, 3) in the world [m], NaN where none was recorded."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +75,8 @@ class Track:
         settings: what made the track: plain JSON values by name.
         version: version of handtrack that made it.
         events: what happened, in order of time.
+        skin: the skin as recorded, where the model cannot make it: a licensed one that was read
+            from a recording.
     """
 
     name: str
@@ -86,6 +105,7 @@ class Track:
     source: str = ""
     subject: str = ""
     events: tuple[Event, ...] = ()
+    skin: Skin | None = None
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -105,8 +125,23 @@ class Track:
         """Median frame rate [1/s]; NaN for a single frame."""
         return float(1e9 / np.median(np.diff(self.time_ns))) if len(self) > 1 else float("nan")
 
+    @property
+    def n_vertices(self) -> int:
+        """How many vertices `vertices` has; 0 where there is no skin."""
+        return len(self.model.rest_vertices) if self.skin is None else self.skin.n_vertices
+
+    @property
+    def faces(self) -> NDArray[np.int32]:
+        """(F, 3) triangles of `vertices`, counter-clockwise from outside."""
+        return self.model.faces if self.skin is None else self.skin.faces
+
     def vertices(self, frames: slice | NDArray[np.int64] | None = None) -> Array:
-        """(n, V, 3) skin of the filtered poses in the world [m], NaN in lost frames."""
+        """(n, V, 3) skin of the filtered poses in the world [m], NaN in lost frames.
+
+        Where `skin` is there, what it holds: NaN too in frames without a recorded skin.
+        """
+        if self.skin is not None:
+            return self.skin.vertices(slice(None) if frames is None else frames)
         pick = slice(None) if frames is None else frames
         rotation = quaternion_to_matrix(self.quaternion[pick])
         return self.model.vertices(self.angles[pick], rotation, self.translation[pick])

@@ -363,7 +363,9 @@ def track_of_frames(
         model: the hand that was fitted.
         settings, name, frame_index, truth, source, subject, events: as in `Track`.
     """
-    arrays = {f.name: np.array([getattr(x, f.name) for x in frames]) for f in fields(TrackedFrame)}
+    arrays: dict[str, Any] = {
+        f.name: np.array([getattr(frame, f.name) for frame in frames]) for f in fields(TrackedFrame)
+    }
     return Track(
         name=name,
         hand=model.hand,

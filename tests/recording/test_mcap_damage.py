@@ -152,7 +152,7 @@ def test_a_recording_of_something_else(tmp_path: Path) -> None:
 
 def test_a_later_format(tmp_path: Path) -> None:
     path = _file(tmp_path / "x.mcap", lambda w: w.metadata("handtrack", {"format_version": "7"}))
-    with pytest.raises(InputError, match="format version 7, this handtrack reads version 1"):
+    with pytest.raises(InputError, match="format version 7, this handtrack reads 1 and 2"):
         read_mcap(path)
 
 
@@ -255,11 +255,13 @@ def test_metadata_says_what_made_the_file(recording: Path) -> None:
     from mcap.reader import make_reader
 
     with recording.open("rb") as stream:
-        (record,) = make_reader(stream).iter_metadata()
-    assert record.name == "handtrack"
-    assert record.metadata["format_version"] == "1"
-    assert record.metadata["version"] == "0.1.0"
-    assert record.metadata["time_offset_ns"] == "0"
-    assert json.loads(record.metadata["models"]) == {"right": "default"}
-    assert json.loads(record.metadata["limits"]) == {"right": "anatomical"}
-    assert json.loads(record.metadata["settings"])["right"]["filter"] == "kalman"
+        records = {r.name: r.metadata for r in make_reader(stream).iter_metadata()}
+    assert list(records) == ["handtrack", "handtrack/right", "handtrack.summary"]
+    head, hand = records["handtrack"], records["handtrack/right"]
+    assert head["format_version"] == "2"
+    assert head["version"] == "0.1.0"
+    assert head["time_offset_ns"] == "0"
+    assert head["mesh"] == "full"
+    assert json.loads(head["hands"]) == {"right": "sample"}
+    assert (hand["model"], hand["limits"]) == ("default", "anatomical")
+    assert json.loads(hand["settings"])["filter"] == "kalman"

@@ -207,7 +207,7 @@ def test_negative_times_are_shifted(tmp_path: Path) -> None:
     track = dataclasses.replace(track, events=(*track.events, early))
     path = write_mcap(track, tmp_path / "x.mcap")
     with path.open("rb") as stream:
-        (record,) = make_reader(stream).iter_metadata()
+        record = next(make_reader(stream).iter_metadata())
     offset = int(record.metadata["time_offset_ns"])
     assert offset == -7_000_000_000
     found = messages(path)

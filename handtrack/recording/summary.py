@@ -1,0 +1,152 @@
+"""The numbers at the end of a recording, from which `info` tells a large file in no time."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.tracking.track import STATUSES, Track
+
+SUMMARY = "handtrack.summary"
+
+_PER_DECADE = 400
+
+
+class Spread:
+    """Mean, quantiles and maximum of many numbers, in memory that does not grow.
+
+    Quantiles come from bins on a logarithmic scale and are right to 0.3 %.
+    """
+
+    def __init__(self) -> None:
+        # 1e-9 and less to 1e9 and more
+        self._bins = np.zeros(18 * _PER_DECADE, np.int64)
+        self._sum, self._max, self.count = 0.0, 0.0, 0
+
+    def add(self, values: NDArray[np.float64]) -> None:
+        """Add numbers (n,), none negative; what is not finite is left out."""
+        values = values[np.isfinite(values)]
+        if not len(values):
+            return
+        with np.errstate(divide="ignore"):
+            place = np.floor((np.log10(values) + 9) * _PER_DECADE)
+        place = np.clip(place, 0, len(self._bins) - 1).astype(np.int64)
+        self._bins += np.bincount(place, minlength=len(self._bins))
+        self._sum += float(values.sum())
+        self._max = max(self._max, float(values.max()))
+        self.count += len(values)
+
+    @property
+    def mean(self) -> float | None:
+        """None where nothing was added."""
+        return self._sum / self.count if self.count else None
+
+    @property
+    def maximum(self) -> float | None:
+        return self._max if self.count else None
+
+    def quantile(self, part: float) -> float | None:
+        """The number below which so large a part of them lies."""
+        if not self.count:
+            return None
+        place = int(np.searchsorted(np.cumsum(self._bins), part * self.count))
+        value = float(10.0 ** ((place + 0.5) / _PER_DECADE - 9))
+        return min(value, self._max)
+
+
+class HandSummary:
+    """Counts and errors of one hand, gathered as its frames come."""
+
+    def __init__(self, head: Track) -> None:
+        self._head = head
+        self._counts = dict.fromkeys(STATUSES, 0)
+        self._events = dict.fromkeys(("info", "warning"), 0)
+        self._errors = {"observed": Spread(), "truth": Spread()}
+        self._intervals = Spread()
+        self._first: int | None = None
+        self._last = 0
+
+    def add(self, part: Track) -> None:
+        """The next frames."""
+        for event in part.events:
+            self._events[event.level] = self._events.get(event.level, 0) + 1
+        if not len(part):
+            return
+        for status in STATUSES:
+            self._counts[status] += int((part.status == status).sum())
+        for name, joints in (("observed", part.observed), ("truth", part.truth)):
+            if joints is not None:
+                self._errors[name].add(_frame_errors(part.fitted_joints, joints))
+        times = part.time_ns
+        if self._first is None:
+            self._first = int(times[0])
+        else:
+            times = np.concatenate([[self._last], times])
+        self._last = int(times[-1])
+        self._intervals.add(np.diff(times).astype(np.float64))
+
+    def values(self) -> dict[str, Any]:
+        """Plain values for JSON: counts, times [ns], rate [1/s], errors [mm]."""
+        head, interval = self._head, self._intervals.quantile(0.5)
+        return {
+            "name": head.name,
+            "hand": head.hand,
+            "model": head.model.name,
+            "frames": sum(self._counts.values()),
+            **self._counts,
+            "events": sum(self._events.values()),
+            "warnings": self._events["warning"],
+            "first_ns": self._first,
+            "last_ns": None if self._first is None else self._last,
+            "fps": None if not interval else 1e9 / interval,
+            "error_mm": {name: _millimetres(s) for name, s in self._errors.items() if s.count},
+        }
+
+
+def _frame_errors(fitted: NDArray[np.float64], joints: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n,) mean distance [m] over the joints of each frame that are there."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        distance = np.linalg.norm(fitted - joints, axis=-1)
+    there = np.isfinite(distance)
+    count = there.sum(1)
+    total = np.where(there, distance, 0.0).sum(1)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _millimetres(spread: Spread) -> dict[str, float | None]:
+    values = {
+        "mean": spread.mean,
+        "median": spread.quantile(0.5),
+        "p95": spread.quantile(0.95),
+        "max": spread.maximum,
+    }
+    return {name: None if value is None else value * 1e3 for name, value in values.items()}
+
+
+def summary_record(hands: Mapping[str, Any], sizes: Mapping[str, int]) -> dict[str, str]:
+    """The values of the metadata record `SUMMARY`, with a checksum of their own.
+
+    Args:
+        hands: values of every hand by its topic.
+        sizes: bytes of every topic before compression.
+    """
+    text = json.dumps({"hands": hands, "bytes": sizes})
+    return {"json": text, "crc32": f"{zlib.crc32(text.encode()):08x}"}
+
+
+def read_summary(record: Mapping[str, str]) -> dict[str, Any]:
+    """What `summary_record` made.
+
+    Raises:
+        ValueError: it is damaged.
+    """
+    text = record.get("json", "")
+    if f"{zlib.crc32(text.encode()):08x}" != record.get("crc32"):
+        raise ValueError(f"the checksum of the metadata record {SUMMARY!r} differs")
+    values: dict[str, Any] = json.loads(text)
+    return values
