@@ -151,8 +151,9 @@ class McapRecorder:
             if hand not in self._writers:
                 first = int(part.time_ns[0]) if len(part) else 0
                 self._writers[hand] = writer.hand(hand, part, first)
+            messages = self._writers[hand].messages(part)
             self._writers[hand].summary.add(part)
-            writer.add(self._writers[hand].messages(part))
+            writer.add(messages)
             writer.stream.flush()
             file.sync_soon()
             self.frames += len(part)
@@ -192,7 +193,7 @@ class McapRecorder:
         if self.frames:
             self._file.close()
             warnings.warn(
-                f"{self.part} holds the {self.frames:,} frames that were recorded;"
+                f"{self.part} holds the {self._kept} that came;"
                 " 'handtrack recover' makes a recording of it",
                 stacklevel=2,
             )
@@ -215,6 +216,10 @@ class McapRecorder:
                 self.stop()
         else:
             self.stop()
+
+    @property
+    def _kept(self) -> str:
+        return f"{self.frames:,} frame{'s' * (self.frames != 1)}"
 
     def _check_open(self) -> None:
         if not self._open:
@@ -246,6 +251,9 @@ class McapRecorder:
         self._writing = True
         try:
             yield
+        except HandtrackError:
+            self._writing = False
+            raise
         except OSError as error:
             self._open = False
             failed = f"{self.path}: cannot be written: {error.strerror or error}"
@@ -254,7 +262,7 @@ class McapRecorder:
                 raise HandtrackError(failed) from error
             self._file.close()
             raise HandtrackError(
-                f"{failed}; {self.part} holds the {self.frames:,} frames until then,"
+                f"{failed}; {self.part} holds the {self._kept} until then,"
                 " 'handtrack recover' makes a recording of it"
             ) from error
         self._writing = False
@@ -270,11 +278,14 @@ class _Waiting:
         self._indexes: list[int] = []
         self._truth: list[Any] = []
         self._next = 0
+        self._last_ns: int | None = None
         self._has_truth: bool | None = None
 
     def add(self, frame: TrackedFrame, index: int | None, truth: ArrayLike | None) -> None:
         if self.model is None:
             raise SettingsError("frames need a hand model: give it to the recorder")
+        if self._last_ns is not None and frame.time_ns <= self._last_ns:
+            raise SettingsError(f"time of {self._name} does not increase")
         if self._has_truth not in (None, truth is not None):
             raise InputError("true joints are given with all frames of a hand, or with none")
         if truth is not None:
@@ -284,6 +295,7 @@ class _Waiting:
             self._truth.append(joints)
         self._has_truth = truth is not None
         self.frames.append(frame)
+        self._last_ns = frame.time_ns
         self._indexes.append(self._next if index is None else index)
         self._next = self._indexes[-1] + 1
 
