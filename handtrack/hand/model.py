@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,11 +22,15 @@ from handtrack.hand.skeleton import (
     PART_JOINT,
     Hand,
 )
+from handtrack.hand.skinning import Skinning
 
 Array = NDArray[np.float64]
 
 # the fingers of a hand at rest are slightly bent
 _RELAXED = np.deg2rad([0, 0, 15, 10] + [20, 0, 25, 15] * 4)
+
+
+_PART_PARENTS = np.array([0] + [0 if i == 0 else 3 * f + i for f in range(5) for i in range(3)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +59,10 @@ class HandModel:
         thumb_twist: how far the thumb turns about its own first bone for each radian of its
             abduction (the paper's internal rotation R_in, with its constant alpha).
         licensed: the skin comes from files that may not be passed on.
+        shape: (S,) coefficients that made this hand in its source's own shape space (MANO's
+            betas), none where it has no such space or the hand was changed since.
+        pose_blend: (V, 3, 135) how far each vertex moves at rest for each entry of R_k - I, row
+            by row, of parts 1..15 (pose blend shapes, Romero et al. 2017) [m]; None without.
 
     Raises:
         ModelError: shapes do not fit, values are not finite, a bone has no length, an axis
@@ -71,6 +79,8 @@ class HandModel:
     weights: Array
     thumb_twist: float = 0.0
     licensed: bool = False
+    shape: Array = field(default_factory=lambda: np.zeros(0))
+    pose_blend: Array | None = None
 
     def __post_init__(self) -> None:
         if self.hand not in HANDS:
@@ -82,18 +92,21 @@ class HandModel:
             "rest_vertices": (n, 3),
             "faces": (len(self.faces), 3),
             "weights": (n, N_PARTS),
+            "shape": (np.size(self.shape),),
         }
-        for field, shape in expected.items():
-            dtype = np.int32 if field == "faces" else np.float64
-            value = np.array(getattr(self, field), dtype=dtype, order="C")
+        if self.pose_blend is not None:
+            expected["pose_blend"] = (n, 3, 9 * (N_PARTS - 1))
+        for name, shape in expected.items():
+            dtype = np.int32 if name == "faces" else np.float64
+            value = np.array(getattr(self, name), dtype=dtype, order="C")
             if value.shape != shape:
                 raise ModelError(
-                    f"model {self.name}: {field} has shape {value.shape}, expected {shape}"
+                    f"model {self.name}: {name} has shape {value.shape}, expected {shape}"
                 )
             if not np.isfinite(value).all():
-                raise ModelError(f"model {self.name}: {field} holds values that are not finite")
+                raise ModelError(f"model {self.name}: {name} holds values that are not finite")
             value.flags.writeable = False
-            object.__setattr__(self, field, value)
+            object.__setattr__(self, name, value)
         short = np.flatnonzero(self.bone_lengths < 1e-6)
         if short.size:
             raise ModelError(f"model {self.name}: the bone to joint {short[0] + 1} has no length")
@@ -112,6 +125,33 @@ class HandModel:
         from handtrack.hand.default import default_hand
 
         return default_hand(hand, preset(limits))
+
+    @staticmethod
+    def from_mano(
+        path: str | Path,
+        hand: Hand | None = None,
+        *,
+        betas: ArrayLike | None = None,
+        tips: str = "smplx",
+        limits: str = DEFAULT_LIMITS,
+    ) -> HandModel:
+        """A hand from the user's MANO files: `MANO.load(...).model(...)`, which see.
+
+        Args:
+            path: MANO_RIGHT.pkl, MANO_LEFT.pkl, an .npz conversion, or a folder that has them.
+            hand: "left" or "right"; needed where neither path nor file name says.
+            betas: (10,) shape coefficients, or fewer; the mean hand by default.
+            tips: whose vertices are the fingertips: "manopth", "smplx", "freihand" or
+                "minimal-hand".
+            limits: name of the limits.
+
+        Raises:
+            InputError: the file is not there, or is no MANO file.
+            SettingsError: a setting has no such value.
+        """
+        from handtrack.hand.mano import MANO
+
+        return MANO.load(path, hand, tips=tips).model(betas, limits)
 
     @property
     def bone_lengths(self) -> Array:
@@ -139,7 +179,11 @@ class HandModel:
     def scaled(self, factor: float) -> HandModel:
         """The same hand, `factor` times as large."""
         return replace(
-            self, rest_joints=self.rest_joints * factor, rest_vertices=self.rest_vertices * factor
+            self,
+            rest_joints=self.rest_joints * factor,
+            rest_vertices=self.rest_vertices * factor,
+            pose_blend=None if self.pose_blend is None else self.pose_blend * factor,
+            shape=np.zeros(0),
         )
 
     def rotations(self, angles: ArrayLike) -> Array:
@@ -167,6 +211,16 @@ class HandModel:
                     out[..., part + i - 1, :, :] @ single[..., a + 1 + i, :, :]
                 )
         return out
+
+    @staticmethod
+    def local_rotations(rotations: Array) -> Array:
+        """R_k of parts 1..15, each against its parent, (..., 15, 3, 3), root frame.
+
+        Args:
+            rotations: (..., 16, 3, 3) accumulated, of `rotations`.
+        """
+        parents = rotations[..., _PART_PARENTS[1:], :, :]
+        return np.asarray(parents.swapaxes(-1, -2) @ rotations[..., 1:, :, :])
 
     def parts(self, angles: ArrayLike) -> tuple[Array, Array]:
         """Where the 16 moving parts are, in the root frame.
@@ -209,9 +263,9 @@ class HandModel:
     def vertices(
         self, angles: ArrayLike, rotation: ArrayLike | None = None, translation: ArrayLike = 0.0
     ) -> Array:
-        """Skin vertices of poses by linear-blend skinning.
+        """Skin vertices of poses by linear-blend skinning, with pose blend shapes if it has any.
 
-        Args and frames as `joints`; one matrix product per call does all poses.
+        Args and frames as `joints`; one call does all poses.
 
         Returns:
             (..., V, 3) [m], world frame.
@@ -222,6 +276,7 @@ class HandModel:
         if not len(self.rest_vertices):
             raise ModelError(f"model {self.name} has no skin")
         rotations, positions = self.parts(angles)
+        local = None if self.pose_blend is None else self.local_rotations(rotations)
         offsets = positions - np.einsum("...pij,pj->...pi", rotations, self.rest_joints[PART_JOINT])
         if rotation is not None:
             rotation = np.asarray(rotation, dtype=np.float64)
@@ -232,19 +287,13 @@ class HandModel:
         lead = np.broadcast_shapes(rotations.shape[:-3], offsets.shape[:-2])
         rotations = np.broadcast_to(rotations, (*lead, N_PARTS, 3, 3))
         offsets = np.broadcast_to(offsets, (*lead, N_PARTS, 3))
-        transforms = np.concatenate([rotations, offsets[..., None]], -1)  # (..., 16, 3, 4)
-        # vertex v, pose n: sum_p w_vp T_np [x_v; 1] as one product over (part, homogeneous axis)
-        basis = self._skin_basis
-        flat = np.moveaxis(transforms, -2, -3).reshape(math.prod(lead) * 3, 64)
-        skin = (flat @ basis).reshape(*lead, 3, len(self.rest_vertices))
-        return np.asarray(skin.swapaxes(-1, -2))
+        if local is not None:
+            local = np.broadcast_to(local, (*lead, *local.shape[-3:]))
+        return self._skinning(rotations, offsets, local)
 
     @cached_property
-    def _skin_basis(self) -> Array:
-        """(64, V): weight of part p times homogeneous rest coordinate c, for row 4 p + c."""
-        homogeneous = np.concatenate([self.rest_vertices, np.ones((len(self.rest_vertices), 1))], 1)
-        basis = self.weights[:, :, None] * homogeneous[:, None, :]
-        return np.ascontiguousarray(basis.reshape(len(self.rest_vertices), 64).T)
+    def _skinning(self) -> Skinning:
+        return Skinning(self.rest_vertices, self.weights, self.pose_blend)
 
 
 def _place(points: Array, rotation: ArrayLike | None, translation: ArrayLike) -> Array:

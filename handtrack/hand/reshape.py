@@ -36,6 +36,7 @@ def reshaped(model: HandModel, rest_joints: ArrayLike, axes: ArrayLike | None = 
         model,
         rest_joints=new,
         axes=model.axes if axes is None else np.asarray(axes, dtype=np.float64),
+        shape=np.zeros(0),
     )
     if not len(model.rest_vertices):
         return out

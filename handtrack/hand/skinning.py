@@ -1,0 +1,74 @@
+"""Linear-blend skinning of many poses at once, with offsets that depend on the pose."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# poses whose vertices fit the cache together
+_BLOCK = 32
+
+
+class Skinning:
+    """A skin at rest and how it follows its parts.
+
+    Args:
+        rest_vertices: (V, 3) [m].
+        weights: (V, P) of the parts.
+        pose_blend: (V, 3, 9 (P - 1)) offset of each vertex at rest for each entry of R_k - I,
+            row by row, of the rotations of parts 1, 2, ... against their parents (pose blend
+            shapes, Romero et al. 2017, eq. 5); None for a skin without.
+    """
+
+    def __init__(self, rest_vertices: Array, weights: Array, pose_blend: Array | None) -> None:
+        self.rest, self.weights = rest_vertices, weights
+        # a matrix (9 (P - 1), V) for each axis
+        self._blend = (
+            None if pose_blend is None else np.ascontiguousarray(pose_blend.transpose(1, 2, 0))
+        )
+
+    def __call__(self, rotations: Array, offsets: Array, local: Array | None = None) -> Array:
+        """Vertices of poses.
+
+        Args:
+            rotations: (..., P, 3, 3) of each part, from rest to the world.
+            offsets: (..., P, 3): a point x of part p goes to rotations x + offsets [m].
+            local: (..., P - 1, 3, 3) rotations of parts 1, 2, ... against their parents;
+                needed where there are pose blend shapes.
+
+        Returns:
+            (..., V, 3) [m].
+        """
+        transforms = np.concatenate([rotations, offsets[..., None]], -1)  # (..., P, 3, 4)
+        lead, parts = transforms.shape[:-3], transforms.shape[-3]
+        n = math.prod(lead)
+        # vertex v, pose n: sum_p w_vp T_np [x_v; 1] as one product over (part, homogeneous axis)
+        rows = np.moveaxis(transforms, -2, -3).reshape(n * 3, parts * 4)
+        skin = (rows @ self._basis).reshape(n, 3, len(self.rest))
+        if local is not None and self._blend is not None:
+            turns = rotations.reshape(n, parts, 3, 3)
+            self._add_blend(skin, turns, (local - np.eye(3)).reshape(n, -1), self._blend)
+        return np.asarray(skin.reshape(*lead, 3, len(self.rest)).swapaxes(-1, -2))
+
+    def _add_blend(self, skin: Array, rotations: Array, features: Array, blend: Array) -> None:
+        """Add sum_p w_vp R_np (B f_n)_v to vertices (n, 3, V), in place."""
+        for start in range(0, len(skin), _BLOCK):
+            block = slice(start, start + _BLOCK)
+            turns = rotations[block].transpose(2, 3, 0, 1) @ self.weights.T  # (3, 3, n, V)
+            for c in range(3):
+                shift = features[block] @ blend[c]  # (n, V) along rest axis c
+                for i in range(3):
+                    turns[i, c] *= shift
+                    skin[block, i] += turns[i, c]
+
+    @cached_property
+    def _basis(self) -> Array:
+        """(4 P, V): weight of part p times homogeneous rest coordinate c, for row 4 p + c."""
+        homogeneous = np.concatenate([self.rest, np.ones((len(self.rest), 1))], 1)
+        basis = self.weights[:, :, None] * homogeneous[:, None, :]
+        return np.ascontiguousarray(basis.reshape(len(self.rest), -1).T)
