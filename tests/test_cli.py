@@ -24,6 +24,7 @@ from handtrack.cli import run
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tools"))
 
+import make_mano_like  # noqa: E402
 import make_panoptic  # noqa: E402
 
 SPREAD = {"mean", "std", "median", "p95", "max"}
@@ -640,3 +641,21 @@ def test_a_bar_on_a_terminal(call, made, monkeypatch):
     assert "tracking" in err
     assert seen == sorted(seen)
     assert seen[-1] == 4 * 12
+
+
+def test_track_fits_the_users_mano(sample_file, tmp_path, capsys):
+    """Free stand-ins for MANO's files; what is licensed does not land in the recording."""
+    with (tmp_path / "MANO_RIGHT.pkl").open("wb") as file:
+        make_mano_like.write_pickle(make_mano_like.make_mano_like("right"), file)
+    out = tmp_path / "out.mcap"
+    where = ["track", str(sample_file), "-o", str(out), "--frames", "0:20", "-q"]
+    assert run([*where, "--mano", str(tmp_path)]) == 0
+    (track,) = ht.read_mcap(out)
+    assert track.model.name == "mano"
+    assert track.model.licensed
+    assert not len(track.model.rest_vertices)
+    assert run([*where, "--mano", str(tmp_path), "--hand", "left"]) == 2
+    assert "MANO_LEFT.pkl" in capsys.readouterr().err
+    (tmp_path / "MANO_RIGHT.pkl").write_bytes(b"cos\nsystem\n(S'true'\ntR.")
+    assert run([*where, "--mano", str(tmp_path)]) == 2
+    assert "asks for os.system" in capsys.readouterr().err

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handtrack.cli.inputs import Reading, reading_options
+from handtrack.cli.models import Models, model_options
 from handtrack.cli.options import (
     json_option,
     no_mesh_option,
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 @click.argument("input", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="MCAP file, or a folder.")
 @click.option("--rrd", type=click.Path(path_type=Path), help="Rerun file, or a folder, as well.")
+@model_options
 @tracking_options
 @click.option(
     "--no-repair", is_flag=True, help="Leave hands exchanged that were exchanged for a moment."
@@ -41,6 +43,8 @@ def track(
     input: Path,
     output: Path | None,
     rrd: Path | None,
+    mano: Path | None,
+    mano_tips: str,
     no_repair: bool,
     no_mesh: bool,
     as_json: bool,
@@ -57,7 +61,7 @@ def track(
     import handtrack as ht
 
     settings = take_tracking(options)
-    limits = settings.pop("limits")
+    models = Models(settings.pop("limits"), mano=mano, mano_tips=mano_tips)
     sequences = Reading(**options).load(input, quiet)
     repairs: list[str] = []
     if not no_repair:
@@ -86,7 +90,7 @@ def track(
             for sequence in job.sequences:
                 start = time.perf_counter()
                 try:
-                    model = ht.HandModel.default(sequence.hand, limits)
+                    model = models.of(sequence.hand)
                     result = ht.track(sequence, model, progress=progress.frames, **settings)
                     _check_fitted(result)
                 except HandtrackError as error:

@@ -1,0 +1,62 @@
+"""Which hand model the command line fits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from handtrack import HandModel
+    from handtrack.hand.skeleton import Hand
+
+_Command = TypeVar("_Command", bound="Callable[..., Any]")
+
+
+def model_options(command: _Command) -> _Command:
+    """Give a command the options that make a `Models`."""
+    for option in (
+        click.option(
+            "--mano-tips",
+            type=click.Choice(["smplx", "manopth", "freihand", "minimal-hand"]),
+            default="smplx",
+            show_default=True,
+            help="Whose vertices of MANO are the fingertips.",
+        ),
+        click.option(
+            "--mano",
+            type=click.Path(path_type=Path),
+            metavar="DIR",
+            help="Fit MANO: your file, or a folder with MANO_RIGHT.pkl and MANO_LEFT.pkl.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+class Models:
+    """The hand to fit, left or right, by the values of `model_options`."""
+
+    def __init__(self, limits: str, *, mano: Path | None, mano_tips: str) -> None:
+        self._limits, self._mano, self._tips = limits, mano, mano_tips
+        self._made: dict[Hand, HandModel] = {}
+
+    def of(self, hand: Hand) -> HandModel:
+        """The model of a hand, read once.
+
+        Raises:
+            HandtrackError: a file that it needs is not there or cannot be used.
+        """
+        from handtrack import HandModel
+
+        if hand not in self._made:
+            if self._mano is None:
+                self._made[hand] = HandModel.default(hand, self._limits)
+            else:
+                self._made[hand] = HandModel.from_mano(
+                    self._mano, hand, tips=self._tips, limits=self._limits
+                )
+        return self._made[hand]
