@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from handtrack.cli.inputs import recordings
-from handtrack.cli.options import no_mesh_option, quiet_option
+from handtrack.cli.options import part_options, quiet_option
 from handtrack.cli.outputs import check_target
 from handtrack.errors import SettingsError
 
@@ -20,7 +20,33 @@ from handtrack.errors import SettingsError
     "--port", type=click.IntRange(1, 65535), metavar="PORT", help="Port of the browser viewer."
 )
 @click.option("--no-open", is_flag=True, help="With --web, only print the address.")
-@no_mesh_option
+@click.option(
+    "--connect",
+    metavar="[HOST:PORT]",
+    is_flag=False,
+    flag_value="",
+    help="Send to a viewer that runs already, by default on this machine.",
+)
+@click.option("--speed", type=float, metavar="X", help="Send in recorded time, X times as fast.")
+@part_options
+@click.option("--side-by-side", is_flag=True, help="A 3D view for each file.")
+@click.option(
+    "--offset",
+    type=float,
+    default=0.0,
+    metavar="METRES",
+    help="Move each file's hands so far to the right of the last one's.",
+)
+@click.option(
+    "--limits",
+    type=click.Choice(["anatomical", "li2021"]),
+    help="Limits to draw and to mark violations of, instead of those of the fit.",
+)
+@click.option(
+    "--mesh/--no-mesh",
+    default=None,
+    help="Draw the skin or not; by default up to 20,000 frames.",
+)
 @quiet_option
 def replay(
     files: tuple[Path, ...],
@@ -28,13 +54,22 @@ def replay(
     web: bool,
     port: int | None,
     no_open: bool,
-    no_mesh: bool,
+    connect: str | None,
+    speed: float | None,
+    hand: str | None,
+    start: float | None,
+    end: float | None,
+    side_by_side: bool,
+    offset: float,
+    limits: str | None,
+    mesh: bool | None,
     quiet: bool,
 ) -> None:
     """Show recordings in Rerun: the hand, the observed joints, the angles and the errors.
 
-    FILES are recordings written by `handtrack track`, or folders of them; several are shown in
-    one world.
+    FILES are recordings written by `handtrack track`, or folders of them. Several are compared:
+    each has its own colour in one world (or side by side), angles share plots, and the
+    distance between their joints is plotted.
     """
     if save is not None:
         if web:
@@ -48,9 +83,28 @@ def replay(
     if save is not None:
         save.parent.mkdir(parents=True, exist_ok=True)
 
-    def say(address: str) -> None:
-        click.echo(address if quiet else f"{address}\nCtrl-C stops the server.")
+    def say(text: str) -> None:
+        if text.startswith("http"):
+            click.echo(text if quiet else f"{text}\nCtrl-C stops the server.")
+        elif not quiet:
+            click.echo(text, err=True)
 
-    show(paths, save=save, web=web, port=port, open_viewer=not no_open, mesh=not no_mesh, say=say)
+    show(
+        paths,
+        save=save,
+        web=web,
+        connect=connect,
+        speed=speed,
+        port=port,
+        open_viewer=not no_open,
+        hand=hand,
+        start_s=start,
+        end_s=end,
+        mesh=mesh,
+        limits=limits,
+        side_by_side=side_by_side,
+        offset_m=offset,
+        say=say,
+    )
     if save is not None and not quiet:
         click.echo(f"{', '.join(map(str, paths[:3]))}{' ...' * (len(paths) > 3)} -> {save}")

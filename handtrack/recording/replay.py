@@ -1,28 +1,34 @@
-"""Recordings in the viewer: in a window, in a browser, or as an .rrd file."""
+"""Recordings in the viewer: in a window, in a browser, in a running viewer, or as an .rrd file."""
 
 from __future__ import annotations
 
-import importlib.util
-import os
-import signal
-import socket
 import subprocess
-import sys
 import tempfile
-import threading
-import time
 import webbrowser
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import FrameType
 
 from handtrack.errors import HandtrackError, SettingsError
+from handtrack.hand.limits import Limits, preset
+from handtrack.recording.blueprint import blueprint
+from handtrack.recording.eye import Seen, eye
+from handtrack.recording.live import DEFAULT_ADDRESS, connected, stream
 from handtrack.recording.mcap_io import read_mcap
-from handtrack.recording.rerun_log import log_rerun
+from handtrack.recording.rerun_log import log_hands, save_hands
+from handtrack.recording.shown import Run, Shown, on_one_clock, shown
+from handtrack.recording.viewer import (
+    free_port,
+    grpc_address,
+    page_address,
+    sigterm_as_exit,
+    until_closed,
+    viewer,
+    wait_for,
+)
+from handtrack.recording.window import pick
 
-LOOPBACK = "127.0.0.1"
-_START_SECONDS = 30.0
+MOST_SKINS = 20_000
+"""More frames are shown without the skin, unless it is asked for: a viewer needs 56 kB for each."""
 
 
 def replay(
@@ -30,165 +36,175 @@ def replay(
     *,
     save: str | Path | None = None,
     web: bool = False,
+    connect: str | None = None,
+    speed: float | None = None,
     port: int | None = None,
     open_viewer: bool = True,
-    mesh: bool = True,
+    hand: str | None = None,
+    start_s: float | None = None,
+    end_s: float | None = None,
+    mesh: bool | None = None,
+    limits: Limits | str | None = None,
+    side_by_side: bool = False,
+    offset_m: float = 0.0,
     say: Callable[[str], None] = print,
 ) -> Path | None:
     """Show what MCAP files hold.
 
     The viewer runs as a child process that ends with this call; nothing listens on any
-    address but 127.0.0.1. Without `save` this returns when the viewer is closed or, for the
-    browser, on Ctrl-C.
+    address but 127.0.0.1. Without `save` and `connect` this returns when the viewer is closed
+    or, for the browser, on Ctrl-C.
+
+    Several files are shown over one another, each in its own colour, the first run's hands
+    compared with those of the others: angles in the same plots, distances between the joints.
+    Those that do not overlap in time start together.
 
     Args:
-        paths: one file or several, shown in the same world.
+        paths: one file or several.
         save: write this .rrd file and open nothing.
         web: serve the viewer for a browser.
+        connect: send to the viewer that runs at this address, HOST:PORT; "" for the one that
+            `rerun` starts.
+        speed: send the frames in recorded time, so many times as fast, instead of all at once.
         port: port of the browser's page; a free one by default.
         open_viewer: with `web`, open the address in the browser too.
-        mesh: draw the skin.
-        say: is told, with `web`, the address once it answers.
+        hand: "left" or "right", to show only those.
+        start_s, end_s: first and last time, from the start of each recording [s].
+        mesh: draw the skin; by default up to `MOST_SKINS` frames.
+        limits: limits to draw and to hold the angles against, by name or as such; those that
+            the hand was fitted with by default.
+        side_by_side: a 3D view for each file.
+        offset_m: move each file's hands so far to the right of those before [m].
+        say: is told, with `web`, the address once it answers, and what else matters.
 
     Returns:
         The file saved, if any.
 
     Raises:
         InputError: a file can't be read; see `read_mcap`.
-        SettingsError: no file is given, or the port is taken.
-        HandtrackError: the viewer can't be started, or writing failed.
+        SettingsError: no file is given, options do not go together, or the port is taken.
+        HandtrackError: the viewer can't be started or reached, or writing failed.
     """
     paths = [paths] if isinstance(paths, str | Path) else list(paths)
     if not paths:
         raise SettingsError("there is no file to replay")
-    tracks = [track for path in paths for track in read_mcap(path)]
+    if (save is not None) + web + (connect is not None) > 1:
+        raise SettingsError("save to a file, serve a browser or connect to a viewer: choose one")
+    if save is not None and speed is not None:
+        raise SettingsError("a file has no speed: the viewer's own control sets it")
+    if speed is not None and not speed > 0:
+        raise SettingsError(f"the speed is {speed:g}, expected more than 0")
+    if side_by_side and offset_m:
+        raise SettingsError("hands in views of their own need no offset: side by side, or offset")
+    limits = preset(limits) if isinstance(limits, str) else limits
+    page = free_port(port) if web else None
+    runs = [Run(Path(p).stem, pick(read_mcap(p), hand, start_s, end_s)) for p in paths]
+    runs, moved = on_one_clock(runs)
+    if moved:
+        say("the recordings do not overlap in time: they are shown as if they began together")
+    hands = _offset(shown(runs), offset_m)
+    frames = sum(len(h.track) for h in hands)
+    if mesh is None:
+        mesh = frames <= MOST_SKINS
+        if not mesh and any(len(h.track.model.rest_vertices) for h in hands):
+            say(f"{frames:,} frames are shown without the skin; --mesh draws it")
     if save is not None:
-        return log_rerun(tracks, save=save, mesh=mesh)
-    page = _free_port(port) if web else 0
-    with tempfile.TemporaryDirectory(prefix="handtrack-") as folder, _sigterm_as_exit():
-        file = Path(folder) / f"{Path(paths[0]).stem}.rrd"
-        log_rerun(tracks, save=file, mesh=mesh)
+        return save_hands(hands, Path(save), mesh=mesh, limits=limits, side_by_side=side_by_side)
+    show = _Show(hands, mesh, limits, side_by_side, speed)
+    with sigterm_as_exit():
         try:
-            if web:
-                _serve(file, page, say, open_viewer)
+            if connect is not None:
+                show.send(connect or DEFAULT_ADDRESS)
+            elif page is not None:
+                _serve(show, page, say, open_viewer)
             else:
-                _window(file)
+                _window(show)
         except KeyboardInterrupt:
             # how a user says that it is enough
             return None
     return None
 
 
-def _window(file: Path) -> None:
-    """The native viewer, until it is closed."""
-    with _viewer(file, "--port", str(_free_port())) as process:
-        code = process.wait()
-    if code:
-        raise HandtrackError(
-            f"the viewer ended with status {code}; is there a display? --web serves it to a"
-            " browser, --save writes a file"
+def _offset(hands: list[Shown], offset_m: float) -> list[Shown]:
+    """Each run's hands so far to the right of those of the run before."""
+    if not offset_m:
+        return hands
+    right = eye([Seen.of(hand.track) for hand in hands if hand.run == 0]).right
+    return [hand._replace(offset=tuple((offset_m * hand.run * right).tolist())) for hand in hands]
+
+
+class _Show:
+    """What is shown, and how."""
+
+    def __init__(
+        self,
+        hands: list[Shown],
+        mesh: bool,
+        limits: Limits | None,
+        side_by_side: bool,
+        speed: float | None,
+    ) -> None:
+        self.hands, self._mesh, self._limits = hands, mesh, limits
+        self._side_by_side, self.speed = side_by_side, speed
+
+    def save(self, path: Path) -> None:
+        """Into a file."""
+        save_hands(
+            self.hands, path, mesh=self._mesh, limits=self._limits, side_by_side=self._side_by_side
         )
 
+    def send(self, address: str, process: subprocess.Popen[bytes] | None = None) -> None:
+        """To a viewer, as long as its process runs, if that is known."""
+        follow = self.speed is not None
+        arranged = blueprint(self.hands, side_by_side=self._side_by_side, follow=follow)
+        with connected(address, arranged) as recording:
+            if self.speed is None:
+                log_hands(recording, self.hands, mesh=self._mesh, limits=self._limits)
+            else:
+                stream(
+                    recording,
+                    self.hands,
+                    self.speed,
+                    mesh=self._mesh,
+                    limits=self._limits,
+                    going_on=lambda: process is None or process.poll() is None,
+                )
 
-def _serve(file: Path, page: int, say: Callable[[str], None], open_browser: bool) -> None:
+
+def _window(show: _Show) -> None:
+    """The native viewer, until it is closed."""
+    port = free_port()
+    with tempfile.TemporaryDirectory(prefix="handtrack-") as folder:
+        if show.speed is None:
+            file = Path(folder) / f"{show.hands[0].run_name or 'recording'}.rrd"
+            show.save(file)
+            with viewer(file, "--port", str(port)) as process:
+                until_closed(process)
+            return
+    with viewer("--port", str(port), "--hide-welcome-screen") as process:
+        wait_for(process, port)
+        show.send(grpc_address(port), process)
+        until_closed(process)
+
+
+def _serve(show: _Show, page: int, say: Callable[[str], None], open_browser: bool) -> None:
     """The viewer for browsers, until Ctrl-C."""
-    data = _free_port()
-    while data == page:
-        data = _free_port()
-    ports = ("--port", str(data), "--web-viewer-port", str(page))
-    # the server drops what exceeds its memory: the whole recording must fit
-    limit = ("--server-memory-limit", f"{max(1, 2 * file.stat().st_size >> 30)}GiB")
-    with _viewer(file, "--serve-web", *ports, *limit) as process:
-        _wait_for(process, page)
-        source = f"rerun%2Bhttp%3A%2F%2F{LOOPBACK}%3A{data}%2Fproxy"
-        address = f"http://{LOOPBACK}:{page}/?url={source}"
-        say(address)
-        if open_browser:
-            webbrowser.open(address)
-        code = process.wait()
+    data = free_port(but=page)
+    with tempfile.TemporaryDirectory(prefix="handtrack-") as folder:
+        ports: list[str | Path] = ["--port", str(data), "--web-viewer-port", str(page)]
+        if show.speed is None:
+            file = Path(folder) / "recording.rrd"
+            show.save(file)
+            # the server drops what exceeds its memory: the whole recording must fit
+            limit = f"{max(1, 2 * file.stat().st_size >> 30)}GiB"
+            ports = [file, *ports, "--server-memory-limit", limit]
+        with viewer("--serve-web", *ports) as process:
+            wait_for(process, page)
+            address = page_address(page, data)
+            say(address)
+            if open_browser:
+                webbrowser.open(address)
+            if show.speed is not None:
+                show.send(grpc_address(data), process)
+            code = process.wait()
     raise HandtrackError(f"the viewer's server ended with status {code}")
-
-
-@contextmanager
-def _viewer(*arguments: str | Path) -> Iterator[subprocess.Popen[bytes]]:
-    """A viewer process that ends with the block at the latest."""
-    command = [str(_executable()), "--bind", LOOPBACK, *map(str, arguments)]
-    environment = {"RUST_LOG": "warn", **os.environ}
-    try:
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, env=environment)
-    except OSError as error:
-        raise HandtrackError(f"the viewer {command[0]} cannot be started: {error}") from error
-    try:
-        yield process
-    finally:
-        process.terminate()
-        try:
-            process.wait(5)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-
-
-def _executable() -> Path:
-    """The viewer itself: ending rerun's console script would leave the viewer running."""
-    if path := os.environ.get("RERUN_CLI_PATH"):
-        return Path(path)
-    package = importlib.util.find_spec("rerun_cli")
-    if package is None or package.origin is None:
-        raise HandtrackError("the viewer is not installed: pip install rerun-sdk")
-    folder = Path(package.origin).parent
-    bundled = folder / "Rerun.app" / "Contents" / "MacOS" / "Rerun"
-    if bundled.exists():
-        return bundled
-    return folder / ("rerun.exe" if sys.platform == "win32" else "rerun")
-
-
-def _wait_for(process: subprocess.Popen[bytes], port: int) -> None:
-    """Until the port answers.
-
-    Raises:
-        HandtrackError: the process ended, or nothing answers for 30 s.
-    """
-    deadline = time.monotonic() + _START_SECONDS
-    while time.monotonic() < deadline:
-        if process.poll() is not None:
-            raise HandtrackError(f"the viewer's server ended with status {process.returncode}")
-        with socket.socket() as probe:
-            probe.settimeout(1)
-            if probe.connect_ex((LOOPBACK, port)) == 0:
-                return
-        time.sleep(0.05)
-    raise HandtrackError(f"the viewer's server does not answer on port {port}")
-
-
-def _free_port(wanted: int | None = None) -> int:
-    """The port if it is free; any free one if none is wanted.
-
-    Raises:
-        SettingsError: it is taken.
-    """
-    with socket.socket() as probe:
-        # as servers do: a connection that was just closed doesn't hold the port
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((LOOPBACK, wanted or 0))
-        except (OSError, OverflowError) as error:
-            raise SettingsError(f"port {wanted} cannot be used: {error}") from error
-        return int(probe.getsockname()[1])
-
-
-@contextmanager
-def _sigterm_as_exit() -> Iterator[None]:
-    """SIGTERM raises SystemExit, so that the viewer and temporary files go too."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def leave(number: int, _: FrameType | None) -> None:
-        raise SystemExit(128 + number)
-
-    before = signal.signal(signal.SIGTERM, leave)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from handtrack.hand.skeleton import ANGLE_NAMES, FINGERS
 
 Colour = tuple[int, int, int, int]
@@ -32,6 +34,12 @@ ANGLE_COLOURS: tuple[Colour, ...] = (
     (225, 100, 140, 255),  # second hinge
 )
 RAW_ALPHA, RAW_WIDTH, FILTERED_WIDTH = 110, 1.0, 2.2
+LIMIT_ALPHA = 100
+
+OUTSIDE: Colour = (255, 20, 50, 255)
+MARKS = np.array([(170, 80, 255, 255), OUTSIDE], np.uint8)
+"""Colours of joints that a limit holds, and of joints outside their limits."""
+MARK_RADIUS = 0.0045
 
 ERRORS: tuple[tuple[str, Colour], ...] = (
     ("mean to observed", (78, 156, 245, 255)),
@@ -53,3 +61,40 @@ def angle_labels(finger: int) -> list[str]:
         joint, motion = name.removeprefix(FINGERS[finger] + "_").split("_")
         out.append(f"{joint.upper()} {motion}")
     return out
+
+
+def skin_colour(number: int, run: int) -> Colour:
+    """The tint of a hand; those of later runs hide less of the first."""
+    red, green, blue, alpha = SKINS[number % len(SKINS)]
+    return red, green, blue, alpha if run == 0 else alpha // 2
+
+
+def run_colour(run: int) -> Colour:
+    """The tint of a run, opaque."""
+    return (*SKINS[run % len(SKINS)][:3], 255)
+
+
+def angle_colours(run: int) -> list[Colour]:
+    """Those of the four angles of a finger: of later runs paler."""
+    share = min(0.55, 0.4 * run)
+    return [_mixed(colour, (255, 255, 255, 255), share) for colour in ANGLE_COLOURS]
+
+
+def skeletons(run: int) -> dict[int, tuple[str, Colour, float]]:
+    """`SKELETONS` for a run: of later ones in the run's tint."""
+    if run == 0:
+        return SKELETONS
+    tint = run_colour(run)
+    shares = {OBSERVED: 0.5, FITTED: 0.7, FILTERED: 0.85, TRUTH: 0.0}
+    return {
+        id_: (name, _mixed(colour, tint, shares[id_]), radius)
+        for id_, (name, colour, radius) in SKELETONS.items()
+    }
+
+
+def _mixed(a: Colour, b: Colour, share: float) -> Colour:
+    """Colour a with a share of b in it."""
+    red, green, blue, alpha = (
+        round((1 - share) * x + share * y) for x, y in zip(a, b, strict=True)
+    )
+    return red, green, blue, alpha

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handtrack.errors import SettingsError
 from handtrack.tracking.track import Track
@@ -56,11 +57,35 @@ def pick(
 
 def between(track: Track, first_ns: float, last_ns: float) -> Track:
     """The frames and events from one time to another on the track's clock, both included."""
-    keep = (track.time_ns >= first_ns) & (track.time_ns <= last_ns)
+    keep = np.flatnonzero((track.time_ns >= first_ns) & (track.time_ns <= last_ns))
+    events = tuple(e for e in track.events if first_ns <= e.time_ns <= last_ns)
+    return dataclasses.replace(_frames(track, keep), events=events)
+
+
+def rows(track: Track, some: slice) -> Track:
+    """Some frames of a track and the events that belong to them.
+
+    An event goes with the first frame that is not before it, the last ones with the last frame:
+    parts that make up a track have all of its events, each once.
+    """
+    part = _frames(track, some)
+    if not len(part):
+        return dataclasses.replace(part, events=())
+    start, stop, _ = some.indices(len(track))
+    first = int(track.time_ns[start - 1]) if start else None
+    last = int(part.time_ns[-1]) if stop < len(track) else None
+    events = tuple(
+        e
+        for e in track.events
+        if (first is None or e.time_ns > first) and (last is None or e.time_ns <= last)
+    )
+    return dataclasses.replace(part, events=events)
+
+
+def _frames(track: Track, some: slice | NDArray[np.int64]) -> Track:
     arrays: dict[str, Any] = {
-        field.name: value[keep]
+        field.name: value[some]
         for field in dataclasses.fields(Track)
         if isinstance(value := getattr(track, field.name), np.ndarray)
     }
-    events = tuple(e for e in track.events if first_ns <= e.time_ns <= last_ns)
-    return dataclasses.replace(track, **arrays, events=events)
+    return dataclasses.replace(track, **arrays)

@@ -48,7 +48,7 @@ def test_several_files_in_one_world(recording: Path, tmp_path: Path) -> None:
     again = write_mcap(make_track(20, "left", seed=3), tmp_path / "again.mcap")
     found = content(replay([recording, other, again], save=tmp_path / "all.rrd", mesh=False))
     hands = {name.split("/")[2] for name in found if name.startswith("/errors")}
-    assert hands == {"sample_right", "sample_left", "sample_left_2"}
+    assert hands == {"run_right", "other_left", "again_left"}
 
 
 def test_what_cannot_be_done_is_said(recording: Path, tmp_path: Path) -> None:
@@ -70,7 +70,7 @@ def test_a_viewer_that_fails_is_told(recording: Path, monkeypatch: pytest.Monkey
     monkeypatch.setenv("RERUN_CLI_PATH", "/usr/bin/false")
     with pytest.raises(HandtrackError, match="ended with status 1; is there a display"):
         replay(recording)
-    with pytest.raises(HandtrackError, match="server ended with status 1"):
+    with pytest.raises(HandtrackError, match="ended with status 1"):
         replay(recording, web=True, open_viewer=False)
     monkeypatch.setenv("RERUN_CLI_PATH", "/nowhere/rerun")
     with pytest.raises(HandtrackError, match="cannot be started"):

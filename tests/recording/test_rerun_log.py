@@ -19,9 +19,10 @@ from rerun.chunk import RrdReader
 
 from handtrack.errors import HandtrackError, InputError, SettingsError
 from handtrack.hand.skeleton import FINGERS
-from handtrack.recording.blueprint import eye
+from handtrack.recording.eye import Seen, eye
+from handtrack.recording.hand_log import BATCH, HandLog
 from handtrack.recording.normals import VertexNormals
-from handtrack.recording.rerun_log import BATCH, log_rerun
+from handtrack.recording.rerun_log import log_rerun
 from handtrack.tracking.track import Track
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -38,7 +39,10 @@ def found(track: Track, tmp_path: Path) -> dict[str, dict[str, list[Any]]]:
 
 def test_entities(found: dict[str, Any]) -> None:
     expected = {f"/world/right/{n}" for n in ("skin", "observed", "fitted", "filtered", "truth")}
-    expected |= {f"/angles/right/{f}/{kind}" for f in FINGERS for kind in ("raw", "angles")}
+    expected |= {"/world/right/limits"}
+    expected |= {
+        f"/angles/right/{f}/{kind}" for f in FINGERS for kind in ("raw", "angles", "limits")
+    }
     expected |= {"/world/right", "/errors/right", "/status/right", "/log/right"}
     assert set(found) - {"/__properties"} == expected
 
@@ -214,10 +218,10 @@ def test_a_full_disk_leaves_nothing(tmp_path: Path) -> None:
 def test_failure_in_the_middle_leaves_nothing(
     track: Track, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fails(_: object) -> None:
+    def fails(*_: object) -> None:
         raise OSError(5, "Input/output error")
 
-    monkeypatch.setattr("handtrack.recording.rerun_log._Hand.errors", fails)
+    monkeypatch.setattr(HandLog, "_errors", fails)
     with pytest.raises(HandtrackError, match="Input/output error"):
         log_rerun(track, save=tmp_path / "x.rrd")
     assert list(tmp_path.iterdir()) == []
@@ -255,7 +259,7 @@ def test_the_eye_sees_the_back_of_the_hand_with_fingers_up(hand: str) -> None:
     track = make_track(2, hand, lost=slice(0, 0))
     rest = np.stack([track.model.rest_joints @ turn.T + [3.0, -2, 1]] * 2)
     track = dataclasses.replace(track, fitted_joints=rest, observed=rest)
-    position, target, up = (np.array(v) for v in eye([track]))
+    position, target, up = (np.array(v) for v in eye([Seen.of(track)]))
     back = turn @ [0.0, 0, 1]
     fingers = turn @ [1.0, 0, 0]
     assert up @ fingers > 0.95
@@ -267,4 +271,4 @@ def test_the_eye_sees_the_back_of_the_hand_with_fingers_up(hand: str) -> None:
 
 def test_the_eye_of_nothing_is_somewhere() -> None:
     lost = make_track(4, lost=slice(0, 4))
-    assert np.isfinite(np.array(eye([lost]))).all()
+    assert np.isfinite(np.array(eye([Seen.of(lost)]))).all()
