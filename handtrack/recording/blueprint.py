@@ -65,7 +65,7 @@ def blueprint(
         rrb.TimePanel(
             state="collapsed",
             timeline="time",
-            loop_mode="all",
+            loop_mode="off" if follow else "all",  # what loops does not follow
             play_state="following" if follow else None,
         ),
         collapse_panels=True,
