@@ -294,6 +294,44 @@ def test_stability_of_files_and_folders(call, made):
     assert result["overall"]["frames"] == 80
 
 
+def test_stability_compares_methods(call, made):
+    call("track", made.short, "-o", "fit.mcap", "-q")
+    call("track", made.short, "-o", "rough.mcap", "--no-calibrate", "--limits", "li2021", "-q")
+    files_of = ("fit=fit.mcap", "rough=rough.mcap", f"raw={made.short}")
+    status, out, err = call(
+        *("stability", *files_of, "--csv", "o/a.csv", "--latex", "o/a.tex", "--html", "o/a.html")
+    )
+    assert (status, err) == (0, "")
+    sentence = re.search(r"fit is more accurate than rough: .* difference (-\d.\d\d) \[.*\]", out)
+    assert files(Path("o")) == {"a.csv", "a.tex", "a.html"}
+    assert sentence[0] in Path("o/a.html").read_text()
+    status, out, _ = call("stability", *files_of, "--json")
+    content = json.loads(out)
+    assert list(content["methods"]) == ["fit", "rough", "raw"]
+    (found,) = [
+        d
+        for d in content["differences"]
+        if (d["second"], d["measure"], d["statistic"]) == ("rough", "pa_mpjpe_mm", "mean")
+    ]
+    assert f"{found['difference']['value']:.2f}" == sentence[1]
+    # the same without names; and the raw joints' error is what the recording calls its input's
+    status, out, _ = call("stability", "--compare", "fit.mcap", made.short, "--json")
+    again = json.loads(out)
+    assert list(again["methods"]) == ["fit", "short"]
+    raw = again["common"]["short"]["pa_mpjpe_mm"]["mean"]
+    assert raw == pytest.approx(again["common"]["fit"]["input_pa_mpjpe_mm"]["mean"], abs=1e-6)
+
+
+def test_the_papers_sequence(call, made):
+    """The two commands of the README, on a folder made from known motion."""
+    frames = ("--frames", "20701:20712", "--hand", "right")
+    assert call("track", made.panoptic, *frames, "-o", "pose6.mcap", "-q")[0] == 0
+    status, out, _ = call("stability", "pose6.mcap")
+    assert status == 0
+    assert "5.3302   0.4320" in out
+    assert "The paper's frames are 20701:20800, these are 20701:20712" in " ".join(out.split())
+
+
 def test_a_recording_that_was_cut_is_read_as_far_as_it_goes(call, made):
     data = Path(made.recording).read_bytes()
     Path("cut.mcap").write_bytes(data[: len(data) * 2 // 3])

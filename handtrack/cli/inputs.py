@@ -25,6 +25,7 @@ class Reading(NamedTuple):
     order: str | None = None
     fps: float | None = None
     frames: str | None = None
+    format: str | None = None
 
     def load(self, path: Path, quiet: bool = False) -> list[Sequence]:
         """The sequences of a file or folder; what the user should know of them is printed.
@@ -44,6 +45,7 @@ class Reading(NamedTuple):
                 order=self.order,
                 fps=self.fps,
                 frames=self.frame_range,
+                format=self.format,
             )
         for sequence in sequences if not quiet else ():
             for note in sequence.notes:
@@ -56,8 +58,10 @@ class Reading(NamedTuple):
         from handtrack.video.detections import detect
         from handtrack.video.media import count
 
-        if self.unit is not None or self.order is not None:
-            raise SettingsError(f"{path}: --unit and --order are for joint sequences, not pictures")
+        if self.unit is not None or self.order is not None or self.format is not None:
+            raise SettingsError(
+                f"{path}: --unit, --order and --format are for joint sequences, not pictures"
+            )
         with progress_shown(count(path), quiet, "detecting") as progress:
             found = detect(path, fps=self.fps, frames=self.frame_range, progress=progress.frames)
         sequences = found.sequences()
@@ -97,6 +101,9 @@ def reading_options(command: _Command) -> _Command:
             type=click.Choice(["auto", "left", "right", "swap"]),
             default="auto",
             help="Which hand it is, or which to take of two; swap exchanges the labels.",
+        ),
+        click.option(
+            "--format", metavar="NAME", help="Format of the file, where it could be another's."
         ),
         click.option("--frames", metavar="A:B", help="Only source frames A to B, both included."),
     ):

@@ -12,7 +12,7 @@ from handtrack.sequences.assemble import Given, anything_seen, assemble, check_s
 from handtrack.sequences.hands import CHOICES, HandChoice, label_hands
 from handtrack.sequences.readers.folder import sources
 from handtrack.sequences.readers.raw import NoFramesError, NotJointsError, Raw
-from handtrack.sequences.readers.recognise import read_file
+from handtrack.sequences.readers.recognise import check_format, read_file
 from handtrack.sequences.sequence import Sequence
 from handtrack.sequences.size import check_sizes
 
@@ -24,11 +24,13 @@ def load(
     order: str | None = None,
     fps: float | None = None,
     frames: tuple[int, int] | None = None,
+    format: str | None = None,
 ) -> list[Sequence]:
     """Joint sequences from a file or a folder; the format is recognised by content.
 
     Understood are CMU Panoptic hands (`hdHand3d/handRecon3D_hd*.json`: a file, a folder, a
-    .tar or .tar.gz), .npz, .npy, .csv, .json and .jsonl with joints, FPHA `skeleton.txt`, Leap
+    .tar or .tar.gz), .npz, .npy, .csv, .json and .jsonl with joints, FreiHAND, InterHand2.6M,
+    AssemblyHands, folders of DexYCB labels, WebXR and OpenXR streams, FPHA `skeleton.txt`, Leap
     Motion recordings, MCAP files with JSON joints, and handtrack's own MCAP recordings. Each
     hand of each person is a sequence of its own. What the user should know (a doubtful hand, an
     assumed frame rate) stands in `Sequence.notes`.
@@ -44,6 +46,8 @@ def load(
         order: joint order, a name of `handtrack.hand.skeleton.ORDERS`, instead of the source's.
         fps: frames per second; replaces the source's times: frame i is at i / fps seconds.
         frames: first and last source frame number to keep, both included.
+        format: name of the format (`readers.recognise.FORMATS`), where content could be taken
+            for another's.
 
     Returns:
         At least one sequence, in order of path, person and hand, with different names.
@@ -51,18 +55,19 @@ def load(
     Raises:
         InputError: nothing there, nothing readable, or a file that is damaged, cut short or not
             as its format says; the message starts with the file and is one line.
-        SettingsError: unknown unit, order or hand (with those that are known), fps not above
-            zero, frames the wrong way round.
+        SettingsError: unknown unit, order, hand or format (with those that are known), fps not
+            above zero, frames the wrong way round.
     """
     where = Path(path)
     given = check_settings(unit, order, fps)
     choice = _hand_choice(hand)
     _check_frames(frames)
+    check_format(format)
     if not where.exists():
         raise InputError("no such file or folder", where)
     if where.is_dir():
-        return _from_folder(where, given, choice, frames)
-    return _unique_names(_finish(read_file(where, frames), given, choice, frames))
+        return _from_folder(where, given, choice, frames, format)
+    return _unique_names(_finish(read_file(where, frames, format), given, choice, frames))
 
 
 def _hand_choice(hand: str | None) -> HandChoice:
@@ -123,14 +128,18 @@ def _cut(sequences: list[Sequence], frames: tuple[int, int]) -> list[Sequence]:
 
 
 def _from_folder(
-    folder: Path, given: Given, choice: HandChoice, frames: tuple[int, int] | None
+    folder: Path,
+    given: Given,
+    choice: HandChoice,
+    frames: tuple[int, int] | None,
+    kind: str | None,
 ) -> list[Sequence]:
     sequences: list[Sequence] = []
     passed_over: list[str] = []
     empty: NoFramesError | None = None
     for source in sources(folder):
         try:
-            sequences += _finish(source.read(frames), given, choice, frames)
+            sequences += _finish(source.read(frames, kind), given, choice, frames)
         except NoFramesError as error:
             empty = error
         except NotJointsError as error:

@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 
 from handtrack.errors import InputError
-from handtrack.sequences.readers import panoptic
+from handtrack.sequences.readers import dexycb, panoptic
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.raw import Raw
 from handtrack.sequences.readers.recognise import read_file
@@ -37,12 +37,14 @@ class Source:
     folder: Path
     names: tuple[str, ...]
 
-    def read(self, frames: tuple[int, int] | None = None) -> list[Raw]:
+    def read(self, frames: tuple[int, int] | None = None, kind: str | None = None) -> list[Raw]:
         """Its sequences; arguments and errors as `recognise.read_file`."""
         paths = [self.folder / name for name in self.names]
+        if dexycb.FILE_NAME.fullmatch(self.names[0]):
+            return dexycb.read_files(paths, self.folder, frames)
         if len(paths) > 1 or panoptic.FILE_NAME.fullmatch(self.names[0]):
             return panoptic.read_files(paths, self.folder, frames)
-        return read_file(paths[0], frames)
+        return read_file(paths[0], frames, kind)
 
 
 def sources(folder: Path) -> Iterator[Source]:
@@ -62,9 +64,14 @@ def _may_be_data(name: str) -> bool:
 
 
 def _groups(names: list[str], here: Path) -> Iterator[list[str]]:
-    """Single files, and numbered Panoptic files together."""
+    """Single files, and the numbered files of Panoptic and of DexYCB together."""
     numbered: dict[str, list[str]] = {}
+    labels = [name for name in names if dexycb.FILE_NAME.fullmatch(name)]
+    if labels:
+        yield labels
     for name in names:
+        if dexycb.FILE_NAME.fullmatch(name):
+            continue
         prefix = panoptic.prefix(name)
         if prefix is None:
             yield [name]

@@ -18,7 +18,7 @@ from handtrack.sequences.readers.fields import JOINT_KEYS, as_frames, from_field
 from handtrack.sequences.readers.raw import Raw, stem
 
 # all that NumPy and zipfile raise for damaged files; MemoryError from a damaged shape
-_DAMAGED = (
+DAMAGED = (
     ValueError,
     EOFError,
     OSError,
@@ -47,8 +47,8 @@ def read_npy(data: bytes, path: Path) -> list[Raw]:
     """
     try:
         array = np.load(io.BytesIO(data), allow_pickle=False)
-    except _DAMAGED as error:
-        raise InputError(_reason("the .npy file", error), path) from None
+    except DAMAGED as error:
+        raise InputError(damage("the .npy file", error), path) from None
     return [Raw(as_frames(array, path, "the array"), path, stem(path))]
 
 
@@ -62,8 +62,8 @@ def read_npz(data: bytes, path: Path) -> list[Raw]:
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             fields = {str(name): _scalar(archive[name]) for name in archive.files}
-    except _DAMAGED as error:
-        raise InputError(_reason("the .npz file", error), path) from None
+    except DAMAGED as error:
+        raise InputError(damage("the .npz file", error), path) from None
     hands = [of_hand for hand in HANDS if (of_hand := _of_hand(fields, hand))]
     return [from_fields(of_hand, path) for of_hand in hands] or [from_fields(fields, path)]
 
@@ -83,7 +83,8 @@ def _scalar(value: Any) -> Any:
     return plain.decode("utf-8", "replace") if isinstance(plain, bytes) else plain
 
 
-def _reason(what: str, error: Exception) -> str:
+def damage(what: str, error: Exception) -> str:
+    """What to say of a NumPy file that raised one of `DAMAGED`."""
     text = str(error)
     if "allow_pickle" in text or "Object arrays" in text:
         return f"{what} holds pickled Python objects, which are not read; expected plain arrays"

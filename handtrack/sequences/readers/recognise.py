@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import gzip
 import zlib
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
-from handtrack.errors import InputError
-from handtrack.sequences.readers import leap, numpy_file, panoptic, text_table
+from handtrack.errors import InputError, SettingsError
+from handtrack.sequences.readers import freihand, leap, numpy_file, panoptic, text_table, xr
+from handtrack.sequences.readers.interhand import is_interhand, read_interhand
 from handtrack.sequences.readers.json_file import is_lines, read_json, read_lines
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.raw import NotJointsError, Raw
@@ -21,15 +24,19 @@ GZIP_MAGIC = b"\x1f\x8b"
 # tars may also be compressed with these
 BZ2_MAGIC, XZ_MAGIC = b"BZh", b"\xfd7zXZ"
 _TAR_MAGIC_AT = 257
+_BLANK = b"\xef\xbb\xbf \t\r\n"
 
 
-def read_file(path: Path, frames: tuple[int, int] | None = None) -> list[Raw]:
+def read_file(
+    path: Path, frames: tuple[int, int] | None = None, kind: str | None = None
+) -> list[Raw]:
     """The sequences of one file, whatever it is.
 
     Args:
         path: an existing file.
         frames: source frame numbers (both included) that will be kept; readers that can skip
             the others do.
+        kind: a name of `FORMATS`; None: by what is in the file.
 
     Raises:
         NotJointsError: a whole file of which nothing is a hand.
@@ -47,19 +54,21 @@ def read_file(path: Path, frames: tuple[int, int] | None = None) -> list[Raw]:
             if _is_tar(head) or head.startswith((BZ2_MAGIC, XZ_MAGIC)):
                 return panoptic.read_tar(path, frames)
             if head.startswith(GZIP_MAGIC):
-                return _read_gzip(path, frames)
+                return _read_gzip(path, frames, kind)
             data = head + stream.read()
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", path) from None
-    return read_bytes(data, path)
+    return read_bytes(data, path, kind)
 
 
-def read_bytes(data: bytes, path: Path) -> list[Raw]:
+def read_bytes(data: bytes, path: Path, kind: str | None = None) -> list[Raw]:
     """The sequences of a file's content; `path` names it.
 
     Raises:
         As `read_file`.
     """
+    if kind is not None:
+        return FORMATS[kind](data, path)
     if data.startswith(NPY_MAGIC):
         return numpy_file.read_npy(data, path)
     if data.startswith(ZIP_MAGIC):
@@ -68,30 +77,78 @@ def read_bytes(data: bytes, path: Path) -> list[Raw]:
         raise NotJointsError(
             "not a joint sequence: expected JSON, CSV, .npz, .npy, .mcap or a Panoptic .tar", path
         )
-    start = data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1]
+    start = data.lstrip(_BLANK)[:1]
     if start in (b"{", b"["):
         return _read_json(data, path)
     return text_table.read_table(data, path)
 
 
+def check_format(kind: str | None) -> None:
+    """Refuse a format that has no reader.
+
+    Raises:
+        SettingsError: it is none of `FORMATS`.
+    """
+    if kind is not None and kind not in FORMATS:
+        raise SettingsError(f"unknown format {kind!r}, expected one of {', '.join(FORMATS)}")
+
+
 def _read_json(data: bytes, path: Path) -> list[Raw]:
+    if freihand.FILE_NAME.fullmatch(path.name):
+        return freihand.read_freihand(data, path)
     if is_lines(data):
-        return read_lines(data, path)
-    if data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"[":
+        first = data.lstrip(_BLANK).partition(b"\n")[0]
+        return _read_xr(data, path) if xr.is_frame(_value(first)) else read_lines(data, path)
+    if data.lstrip(_BLANK)[:1] == b"[":
+        if data.lstrip(_BLANK + b"[")[:1] == b"{" and xr.is_frame(_value(data)[0]):
+            return _read_xr(data, path)
         return read_json(data, path)
     fields = decode(data, dict[str, msgspec.Raw], path)
     if "people" in fields:
         return panoptic.read_file(data, path)
     if "frames" in fields:
         return leap.read_leap(data, path)
+    if is_interhand(fields):
+        return read_interhand(data, path)
     return read_json(data, path)
+
+
+def _value(data: bytes) -> Any:
+    """A JSON value; a list of nothing where it is none, for its reader to say why."""
+    try:
+        return msgspec.json.decode(data.lstrip(_BLANK))
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return [None]
+
+
+def _read_xr(data: bytes, path: Path) -> list[Raw]:
+    if is_lines(data):
+        lines = [(n, line) for n, line in enumerate(data.split(b"\n"), 1) if line.strip()]
+        values = [decode(line, Any, path, first_line=n) for n, line in lines]
+        return xr.read_frames(values, [f"line {n}" for n, _ in lines], path)
+    value = decode(data, Any, path)
+    values = value if isinstance(value, list) else [value]
+    return xr.read_frames(values, [f"frame {i}" for i in range(len(values))], path)
+
+
+FORMATS: dict[str, Callable[[bytes, Path], list[Raw]]] = {
+    "panoptic": panoptic.read_file,
+    "freihand": freihand.read_freihand,
+    "interhand": read_interhand,
+    "assemblyhands": read_interhand,
+    "webxr": _read_xr,
+    "openxr": _read_xr,
+    "leap": leap.read_leap,
+    "fpha": text_table.read_table,
+}
+"""Readers of a file's content by the name of their format."""
 
 
 def _is_tar(head: bytes) -> bool:
     return head[_TAR_MAGIC_AT : _TAR_MAGIC_AT + 5] == b"ustar"
 
 
-def _read_gzip(path: Path, frames: tuple[int, int] | None) -> list[Raw]:
+def _read_gzip(path: Path, frames: tuple[int, int] | None, kind: str | None) -> list[Raw]:
     try:
         with gzip.open(path) as stream:
             head = stream.read(512)
@@ -100,4 +157,4 @@ def _read_gzip(path: Path, frames: tuple[int, int] | None) -> list[Raw]:
             data = head + stream.read()
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"the gzip file is damaged or cut short ({error})", path) from None
-    return read_bytes(data, path)
+    return read_bytes(data, path, kind)

@@ -1,0 +1,74 @@
+"""Reader of DexYCB: a folder of `labels_%06d.npz`, one camera's view of a sequence.
+
+Chao et al. 2021: joint_3d (1, 21, 3) in the camera's frame, m, this project's order, all -1
+where no hand is seen. Which hand it is, and whose, says meta.yml in the folder above.
+"""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from handtrack.errors import InputError
+from handtrack.hand.skeleton import N_JOINTS
+from handtrack.sequences.readers.numpy_file import DAMAGED, damage
+from handtrack.sequences.readers.raw import Array, NoFramesError, Raw, as_hand
+
+FILE_NAME = re.compile(r"labels_(\d{6})\.npz")
+FPS = 30.0
+_KEY = "joint_3d"
+_LISTED = r"^{}:\s*(?:\n\s*-\s*|\[\s*)['\"]?([\w-]+)"
+
+
+def read_files(
+    paths: Iterable[Path], folder: Path, frames: tuple[int, int] | None = None
+) -> list[Raw]:
+    """The one sequence of a folder; only files inside `frames` are opened.
+
+    Raises:
+        InputError: no file in that range, a file that is damaged or without joints.
+    """
+    numbered = sorted((int(m[1]), p) for p in paths if (m := FILE_NAME.fullmatch(p.name)))
+    chosen = [(n, p) for n, p in numbered if frames is None or frames[0] <= n <= frames[1]]
+    if not chosen:
+        there = f"{numbered[0][0]}:{numbered[-1][0]}"
+        raise NoFramesError(f"no frame in {frames}, there are {there}", folder)
+    raw = Raw(
+        np.concatenate([_joints(path) for _, path in chosen]),
+        folder,
+        f"{folder.resolve().parent.name} {folder.resolve().name}",
+        unit="m",
+        order="freihand",
+        frame_index=np.array([n for n, _ in chosen]),
+        fps=FPS,
+    )
+    meta = folder / "meta.yml"
+    meta = meta if meta.exists() else folder.resolve().parent / "meta.yml"
+    if meta.exists():
+        text = meta.read_text(encoding="utf-8", errors="replace")
+        side = re.search(_LISTED.format("mano_sides"), text, re.M)
+        subject = re.search(_LISTED.format("mano_calib"), text, re.M)
+        raw.hand = None if side is None else as_hand(side[1], meta, "mano_sides")
+        raw.subject = "" if subject is None else subject[1]
+    return [raw]
+
+
+def _joints(path: Path) -> Array:
+    """(1, 21, 3) joints of one file; its large pictures are not unpacked."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            if not isinstance(archive, np.lib.npyio.NpzFile):
+                raise zipfile.BadZipFile("not an .npz file")
+            names = archive.files
+            joints = archive[_KEY] if _KEY in names else None
+    except DAMAGED as error:
+        raise InputError(damage("the .npz file", error), path) from None
+    if joints is None:
+        raise InputError(f"no {_KEY} in it, found {', '.join(names[:8]) or 'nothing'}", path)
+    if joints.shape != (1, N_JOINTS, 3) or joints.dtype.kind not in "fiu":
+        raise InputError(f"{_KEY} has shape {joints.shape}, expected (1, 21, 3)", path)
+    return np.asarray(joints, dtype=np.float64)

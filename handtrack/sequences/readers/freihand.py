@@ -1,0 +1,38 @@
+"""FreiHAND's annotation files: `training_xyz.json` and `evaluation_xyz.json`.
+
+Zimmermann et al. 2019: a list of 21 x 3 joints in the camera's frame, m, this project's order.
+All hands are right hands; the pictures have nothing to do with each other.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from handtrack.sequences.readers.json_file import read_json
+from handtrack.sequences.readers.raw import NotJointsError, Raw
+
+FILE_NAME = re.compile(r"(?:training|evaluation)_(\w+)\.json")
+_OTHERS = {
+    "K": "cameras",
+    "scale": "the lengths of a bone",
+    "verts": "vertices",
+    "errors": "errors",
+}
+
+
+def read_freihand(data: bytes, path: Path) -> list[Raw]:
+    """The joints of a file, one frame for each picture.
+
+    Raises:
+        NotJointsError: one of the other annotation files.
+        InputError: as `read_json`.
+    """
+    match = FILE_NAME.fullmatch(path.name)
+    if match is not None and match[1] in _OTHERS:
+        raise NotJointsError(f"FreiHAND's file of {_OTHERS[match[1]]}, no joints", path)
+    raws = read_json(data, path)
+    for raw in raws:
+        raw.hand, raw.unit, raw.order = "right", "m", "freihand"
+        raw.notes = (*raw.notes, "FreiHAND's pictures are unrelated: the frames are no motion")
+    return raws
