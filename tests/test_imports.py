@@ -25,7 +25,10 @@ ALLOWED = {
     "fitting": {"errors", "hand.skeleton", "hand", "sequences.sequence", "cameras"},
     "tracking": {"", "errors", "hand.skeleton", "hand", "sequences.sequence", "fitting"},
     "recording": {"", "errors", "hand.skeleton", "hand", "tracking"},
-    "video": {"errors", "hand.skeleton", "hand", "sequences.sequence", "recording"},
+    "video": {
+        *("errors", "hand.skeleton", "hand", "sequences.sequence"),
+        *("cameras", "fitting", "tracking", "recording"),
+    },
     "evaluation": {"", "errors", "hand.skeleton", "hand", "sequences.sequence", "tracking"},
 }
 TOP = {"", "__main__", "cli"}

@@ -13,6 +13,8 @@ from handtrack.errors import InputError, SettingsError
 
 if TYPE_CHECKING:
     from handtrack import Sequence, Track
+    from handtrack.hand.skeleton import Hand
+    from handtrack.video.detections import Detections
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
@@ -27,16 +29,21 @@ class Reading(NamedTuple):
     frames: str | None = None
     format: str | None = None
 
-    def load(self, path: Path, quiet: bool = False) -> list[Sequence]:
+    def load(
+        self, path: Path, quiet: bool = False, found: Detections | None = None
+    ) -> list[Sequence]:
         """The sequences of a file or folder; what the user should know of them is printed.
 
-        In videos and images the hands are found first.
+        Args:
+            path: it.
+            quiet: print nothing.
+            found: the hands in it, where `detect` found them already.
         """
         import handtrack as ht
-        from handtrack.video.media import kind
 
-        if kind(path) is not None:
-            sequences = self._detected(path, quiet)
+        found = found or self.detect(path, quiet)
+        if found is not None:
+            sequences = self._labelled(found)
         else:
             sequences = ht.load(
                 path,
@@ -52,22 +59,29 @@ class Reading(NamedTuple):
                 click.echo(f"warning: {sequence.name}: {note}", err=True)
         return sequences
 
-    def _detected(self, path: Path, quiet: bool) -> list[Sequence]:
+    def detect(self, path: Path, quiet: bool = False) -> Detections | None:
+        """The hands in a video or in images; None where it is something else."""
         from handtrack.cli.progress import progress_shown
-        from handtrack.sequences.hands import CHOICES, label_hands
+        from handtrack.video.media import count, kind
+
+        if kind(path) is None:
+            return None
         from handtrack.video.detections import detect
-        from handtrack.video.media import count
 
         if self.unit is not None or self.order is not None or self.format is not None:
             raise SettingsError(
                 f"{path}: --unit, --order and --format are for joint sequences, not pictures"
             )
         with progress_shown(count(path), quiet, "detecting") as progress:
-            found = detect(path, fps=self.fps, frames=self.frame_range, progress=progress.frames)
-        sequences = found.sequences()
-        labels = list(found.hands)
+            return detect(path, fps=self.fps, frames=self.frame_range, progress=progress.frames)
+
+    def _labelled(self, found: Detections) -> list[Sequence]:
+        from handtrack.sequences.hands import CHOICES, label_hands
+
+        labels: list[Hand | None] = list(found.hands)
         choice = next(c for c in CHOICES if c == self.hand)
-        return label_hands(sequences, list(labels), [False] * len(labels), choice, len(labels) > 1)
+        tagged = [False] * len(labels)
+        return label_hands(found.sequences(), labels, tagged, choice, len(labels) > 1)
 
     @property
     def frame_range(self) -> tuple[int, int] | None:

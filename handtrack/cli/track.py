@@ -18,12 +18,13 @@ from handtrack.cli.options import (
     take_tracking,
     tracking_options,
 )
-from handtrack.cli.outputs import Job, jobs
+from handtrack.cli.outputs import Job, check_target, jobs
 from handtrack.cli.progress import Progress, compiling_said, progress_shown
-from handtrack.errors import HandtrackError
+from handtrack.errors import HandtrackError, SettingsError
 
 if TYPE_CHECKING:
     from handtrack import Track
+    from handtrack.video.detections import Detections
 
 
 @click.command(short_help="Fit a hand to joint sequences and record it.")
@@ -34,6 +35,11 @@ if TYPE_CHECKING:
 @tracking_options
 @click.option(
     "--no-repair", is_flag=True, help="Leave hands exchanged that were exchanged for a moment."
+)
+@click.option(
+    "--overlay",
+    type=click.Path(path_type=Path),
+    help="Of a video or images: the hand drawn over them, .mp4 or .png (the first picture).",
 )
 @no_mesh_option
 @json_option
@@ -46,6 +52,7 @@ def track(
     mano: Path | None,
     mano_tips: str,
     no_repair: bool,
+    overlay: Path | None,
     no_mesh: bool,
     as_json: bool,
     quiet: bool,
@@ -54,15 +61,19 @@ def track(
     """Fit a hand to every frame of a joint sequence and record the result.
 
     INPUT is a file or a folder: CMU Panoptic, .npz / .npy / .csv / .json / .jsonl, FPHA, Leap
-    Motion, MCAP. Without -o the recording is recordings/NAME.mcap; of a folder with several
-    unrelated files each gets its own, recordings/FOLDER/NAME.mcap. With -o FILE.mcap they
-    share one.
+    Motion, MCAP; a video, an image or a folder of images. Without -o the recording is
+    recordings/NAME.mcap; of a folder with several unrelated files each gets its own,
+    recordings/FOLDER/NAME.mcap. With -o FILE.mcap they share one.
     """
     import handtrack as ht
 
     settings = take_tracking(options)
     models = Models(settings.pop("limits"), mano=mano, mano_tips=mano_tips)
-    sequences = Reading(**options).load(input, quiet)
+    reading = Reading(**options)
+    found = reading.detect(input, quiet or as_json)
+    if overlay is not None:
+        _check_overlay(overlay, input, found)
+    sequences = reading.load(input, quiet, found)
     repairs: list[str] = []
     if not no_repair:
         sequences = ht.repair_identity(sequences)
@@ -106,6 +117,12 @@ def track(
                 _write(made, job, not no_mesh, progress)
                 tracks += made
                 written += job.files
+        if overlay is not None and found is not None:
+            from handtrack.video.overlay import overlay as draw
+
+            progress.says(f"drawing {overlay}")
+            draw(overlay, input, tracks, found)
+            written.append(overlay)
     for note in left_out if not quiet else ():
         click.echo(f"warning: {note}", err=True)
 
@@ -128,6 +145,15 @@ def track(
             folders = dict.fromkeys(str(path.parent) for path in written)
             where = f"{len(written)} files in {' and '.join(folders)}"
         click.echo(f"tracked {frames:,} frames at {frames / seconds:,.0f} frames/s -> {where}")
+
+
+def _check_overlay(path: Path, source: Path, found: Detections | None) -> None:
+    """Refuse a picture of the result that cannot be made, before the work begins."""
+    if found is None:
+        raise SettingsError(f"--overlay: {source} is neither a video nor an image")
+    if path.suffix not in (".mp4", ".png"):
+        raise SettingsError(f"--overlay {path}: expected a name that ends in .mp4 or .png")
+    check_target(path, path.suffix, "--overlay")
 
 
 def _check_fitted(track: Track) -> None:

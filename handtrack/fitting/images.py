@@ -179,19 +179,26 @@ def _turns(
             np.array([0.0, 0.0, j * np.pi / 2])
         )
         x = joints @ turn.T
-        # (x + t) / (z + t_z) = ray, linear in t
-        rows = np.zeros((2 * len(x), 3))
-        right = np.empty(2 * len(x))
-        for k in (0, 1):
-            rows[k::2, k] = 1.0
-            rows[k::2, 2] = -rays[:, k]
-            right[k::2] = rays[:, k] * x[:, 2] - x[:, k]
-        shift = np.linalg.lstsq(rows, right, rcond=None)[0]
+        shift = shift_to_rays(x, rays)
         shift[2] = max(shift[2], float(_BETWEEN * model.size - x[:, 2].min()))
         rotation = camera.rotation.T @ turn
         translation = camera.rotation.T @ (shift - camera.translation)
         roots.append(np.concatenate([rotation.ravel(), translation]))
     return roots
+
+
+def shift_to_rays(points: Array, rays: Array) -> Array:
+    """(3,) the shift of points (n, 3), in a camera's frame, that best brings them onto rays (n, 2).
+
+    (x + t_x) / (z + t_z) = ray is linear in t.
+    """
+    rows = np.zeros((2 * len(points), 3))
+    right = np.empty(2 * len(points))
+    for k in (0, 1):
+        rows[k::2, k] = 1.0
+        rows[k::2, 2] = -rays[:, k]
+        right[k::2] = rays[:, k] * points[:, 2] - points[:, k]
+    return np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0])
 
 
 def _solve(

@@ -1,0 +1,217 @@
+"""Pictures of the result: the hand's skin drawn over what the camera saw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.cameras.camera import Camera
+from handtrack.errors import HandtrackError, SettingsError
+from handtrack.hand.skeleton import BONES, N_JOINTS
+from handtrack.recording.whole_file import whole_file
+from handtrack.tracking.track import Track
+from handtrack.video.detections import Detections
+from handtrack.video.media import Picture, pictures
+from handtrack.video.placing import assumed_camera, place_in_view
+
+Array = NDArray[np.float64]
+Rgb = NDArray[np.uint8]
+
+SKIN = {"right": (232, 176, 142), "left": (142, 190, 232)}
+BONE = (40, 40, 40)
+SEEN = (255, 214, 64)
+OPACITY = 0.7
+# outlines are drawn to a sixteenth of a pixel
+_SHIFT = 4
+
+
+class Drawn(NamedTuple):
+    """One hand in one picture.
+
+    Attributes:
+        hand: "left" or "right".
+        vertices: (V, 3) in the world [m]; faces: (F, 3), counter-clockwise from outside.
+        joints: (21, 3) in the world [m].
+        seen: (21, 2) where the joints were seen [px], or None.
+    """
+
+    hand: str
+    vertices: Array
+    faces: NDArray[np.int32]
+    joints: Array
+    seen: Array | None
+
+
+def draw(rgb: Rgb, camera: Camera, hands: list[Drawn]) -> Rgb:
+    """A new picture with hands drawn into it: skin, fitted bones, and the joints seen.
+
+    Triangles that face the camera are painted from the farthest to the nearest.
+    """
+    cv2 = _opencv()
+    skin = rgb.copy()
+    painted: list[tuple[float, Array, tuple[int, int, int]]] = []
+    for hand in hands:
+        painted += _triangles(camera, hand)
+    for _, corners, colour in sorted(painted, key=lambda item: -item[0]):
+        points = np.round(corners * (1 << _SHIFT)).astype(np.int32)
+        cv2.fillConvexPoly(skin, points, colour, cv2.LINE_AA, _SHIFT)
+    out: Rgb = cv2.addWeighted(skin, OPACITY, rgb, 1.0 - OPACITY, 0.0)
+    thick = max(1, round(rgb.shape[1] / 640))
+    for hand in hands:
+        bones = camera.project(hand.joints)
+        for a, b in BONES:
+            if np.isfinite(bones[[a, b]]).all():
+                p, q = (np.round(bones[j]).astype(int).tolist() for j in (a, b))
+                cv2.line(out, p, q, BONE, thick, cv2.LINE_AA)
+        for point in hand.seen if hand.seen is not None else ():
+            if np.isfinite(point).all():
+                centre = np.round(point).astype(int).tolist()
+                cv2.circle(out, centre, 2 * thick, SEEN, -1, cv2.LINE_AA)
+    return out
+
+
+def _triangles(camera: Camera, hand: Drawn) -> Iterator[tuple[float, Array, tuple[int, int, int]]]:
+    """Depth, corners [px] and colour of the triangles that face the camera."""
+    x = hand.vertices @ camera.rotation.T + camera.translation
+    if not np.isfinite(x).all() or (x[:, 2] <= 0).any():
+        return
+    pixels = camera.project(hand.vertices)
+    a, b, c = (x[hand.faces[:, i]] for i in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-15)
+    middle = (a + b + c) / 3
+    towards = -(normal * middle).sum(1) / np.linalg.norm(middle, axis=1)
+    base = np.array(SKIN[hand.hand], dtype=np.float64)
+    for f in np.flatnonzero(towards > 0):
+        light = 0.35 + 0.65 * towards[f]
+        red, green, blue = (base * light).astype(int).tolist()
+        yield float(middle[f, 2]), pixels[hand.faces[f]], (red, green, blue)
+
+
+def overlay(
+    path: Path,
+    source: Path,
+    tracks: list[Track],
+    found: Detections,
+    camera: Camera | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> None:
+    """Draw the hands that were tracked in a source's pictures over these pictures.
+
+    Args:
+        path: .mp4, or .png for the first picture.
+        source: the video, image or folder of images.
+        tracks: made of what was found in it.
+        found: that.
+        camera: that took them; by default one as assumed by `placing.assumed_camera`.
+        progress: called with the number of pictures done.
+
+    Raises:
+        As `write_overlay`.
+    """
+    camera = camera or assumed_camera(found.size)
+    by_frame: dict[int, list[Drawn]] = {}
+    for track in tracks:
+        image = _seen_of(track, found)
+        angles, rotation, translation = place_in_view(track, image, camera)
+        joints = track.model.joints(angles, rotation, translation)
+        for t in np.flatnonzero(np.isfinite(translation[:, 0])):
+            skin = track.model.vertices(angles[t], rotation[t], translation[t])
+            drawn = Drawn(track.hand, skin, track.model.faces, joints[t], image[t])
+            by_frame.setdefault(int(track.frame_index[t]), []).append(drawn)
+
+    def draw_on(picture: Picture) -> Rgb:
+        return draw(picture.rgb, camera, by_frame.get(picture.index, []))
+
+    write_overlay(path, source, draw_on, progress)
+
+
+def _seen_of(track: Track, found: Detections) -> Array:
+    """(T, 21, 2) what the detector saw of a track's hand, whatever it was called then."""
+    out = np.full((len(track), N_JOINTS, 2), np.nan)
+    row = {int(frame): t for t, frame in enumerate(found.frame_index)}
+    rows = np.array([row[int(frame)] for frame in track.frame_index])
+    for hand in found.hands:
+        same = (found.world[hand][rows] == track.observed).all((1, 2))
+        out[same] = found.image[hand][rows][same]
+    return out
+
+
+def write_overlay(
+    path: Path,
+    source: Path,
+    draw_on: Callable[[Picture], Rgb],
+    progress: Callable[[int], None] | None = None,
+) -> None:
+    """Write the pictures of a source, drawn on, as a video (.mp4) or an image (.png).
+
+    Args:
+        path: what to write; .png takes the first picture.
+        source: a video, an image or a folder of images.
+        draw_on: gives the picture to write.
+        progress: called with the number of pictures done.
+
+    Raises:
+        SettingsError: another ending.
+        HandtrackError: it cannot be written.
+    """
+    if path.suffix == ".png":
+        first = next(pictures(source))
+        with whole_file(path) as part:
+            _write_png(part, draw_on(first))
+        return
+    if path.suffix != ".mp4":
+        raise SettingsError(f"{path}: expected a name that ends in .mp4 or .png")
+    with whole_file(path) as part:
+        _write_mp4(part, source, draw_on, progress)
+
+
+def _write_png(path: Path, rgb: Rgb) -> None:
+    cv2 = _opencv()
+    done, data = cv2.imencode(".png", rgb[..., ::-1])
+    if not done:
+        raise HandtrackError(f"{path}: the picture cannot be encoded")
+    path.write_bytes(data.tobytes())
+
+
+def _write_mp4(
+    path: Path,
+    source: Path,
+    draw_on: Callable[[Picture], Rgb],
+    progress: Callable[[int], None] | None,
+) -> None:
+    import av
+
+    base = Fraction(1, 90_000)
+    with av.open(str(path), "w", format="mp4") as container:
+        stream: Any = None
+        for n, picture in enumerate(pictures(source), 1):
+            rgb = draw_on(picture)
+            if stream is None:
+                stream = container.add_stream("h264", rate=90_000)
+                # its colours come in blocks of two by two
+                stream.height, stream.width = (side - side % 2 for side in rgb.shape[:2])
+                stream.pix_fmt = "yuv420p"
+                stream.codec_context.time_base = base
+            rgb = np.ascontiguousarray(rgb[: stream.height, : stream.width])
+            frame = av.VideoFrame.from_ndarray(rgb, format="rgb24")
+            frame.pts, frame.time_base = round(picture.time_ns * 9e-5), base
+            container.mux(stream.encode(frame))
+            if progress is not None:
+                progress(n)
+        container.mux(stream.encode())
+
+
+def _opencv() -> Any:
+    try:
+        import cv2
+    except ImportError:
+        raise SettingsError(
+            "drawing into pictures needs OpenCV: pip install 'handtrack[video]'"
+        ) from None
+    return cv2

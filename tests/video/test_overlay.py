@@ -1,0 +1,124 @@
+"""Hands placed in front of a camera and drawn over its pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("av", reason="the extra video is not installed")
+pytest.importorskip("cv2", reason="the extra video is not installed")
+
+from clips import Told, write_image, write_video
+
+import handtrack as ht
+from handtrack.cli import run
+from handtrack.errors import SettingsError
+from handtrack.hand.rotations import vector_to_matrix
+from handtrack.video.detections import detect
+from handtrack.video.detector import Detection
+from handtrack.video.media import pictures, read_image
+from handtrack.video.overlay import Drawn, draw, overlay, write_overlay
+from handtrack.video.placing import assumed_camera, place_in_view
+
+SIZE = (640, 480)
+CAMERA = assumed_camera(SIZE)
+
+
+def moving_hand(n: int = 4):
+    """A model, and poses of a hand half a metre in front of the camera."""
+    model = ht.HandModel.default("right")
+    angles = np.tile(model.mean_angles, (n, 1))
+    angles[:, 4::4] += 0.1 * np.arange(n)[:, None]
+    rotation = np.stack([vector_to_matrix(np.array([0.3, 0.2 + 0.1 * t, -1.4])) for t in range(n)])
+    shift = np.array([[-0.02 + 0.01 * t, 0.05, 0.5] for t in range(n)])
+    return model, angles, rotation, shift
+
+
+def seen_hands(joints: np.ndarray) -> list[list[Detection]]:
+    """What a perfect detector would say of joints (T, 21, 3) in the camera's frame."""
+    return [[Detection("right", 0.95, CAMERA.project(x), x - x.mean(0))] for x in joints]
+
+
+@pytest.fixture
+def made(tmp_path):
+    """A video, what was detected in it, and the true joints."""
+    path = tmp_path / "clip.mp4"
+    write_video(path, [0, 33, 67, 100], SIZE)
+    model, angles, rotation, shift = moving_hand()
+    joints = model.joints(angles, rotation, shift)
+    return path, detect(path, Told(*seen_hands(joints))), joints
+
+
+def test_a_hand_is_placed_where_it_was(made):
+    _, found, joints = made
+    (sequence,) = found.sequences()
+    track = ht.track(sequence)
+    angles, rotation, translation = place_in_view(track, found.image["right"], CAMERA)
+    placed = track.model.joints(angles, rotation, translation)
+    assert np.linalg.norm(placed - joints, axis=-1).max() < 3e-3
+    image = found.image["right"].copy()
+    image[1, 3:] = np.nan  # too little is seen
+    assert np.isnan(place_in_view(track, image, CAMERA)[2][1]).all()
+
+
+def test_skin_is_drawn_where_the_hand_is_and_nowhere_else():
+    model, angles, rotation, shift = moving_hand()
+    skin = model.vertices(angles[0], rotation[0], shift[0])
+    joints = model.joints(angles[0], rotation[0], shift[0])
+    grey = np.full((480, 640, 3), 90, dtype=np.uint8)
+    out = draw(grey, CAMERA, [Drawn("right", skin, model.faces, joints, None)])
+    assert (grey == 90).all()
+    changed = (out != 90).any(-1)
+    low, high = CAMERA.project(skin).min(0), CAMERA.project(skin).max(0)
+    y, x = np.nonzero(changed)
+    assert x.min() >= low[0] - 2
+    assert x.max() <= high[0] + 2
+    assert y.min() >= low[1] - 2
+    assert y.max() <= high[1] + 2
+    for px, py in np.round(CAMERA.project(joints)).astype(int):
+        assert changed[py, px]
+    # the palm's silhouette has no holes
+    mx, my = np.round(CAMERA.project(joints[[0, 5, 9, 13, 17]].mean(0))).astype(int)
+    assert changed[my - 5 : my + 6, mx - 5 : mx + 6].all()
+
+
+def test_the_nearer_hand_hides_the_other():
+    model, angles, rotation, shift = moving_hand()
+    grey = np.full((480, 640, 3), 90, dtype=np.uint8)
+
+    def hand(name, depth):
+        place = shift[0] * depth  # the same place in the picture
+        skin = depth * (model.vertices(angles[0], rotation[0], np.zeros(3)))
+        return Drawn(name, skin + place, model.faces, np.full((21, 3), np.nan), None)
+
+    near, far = hand("right", 1.0), hand("left", 1.5)
+    alone = draw(grey, CAMERA, [near])
+    both = draw(grey, CAMERA, [near, far])
+    assert np.array_equal(both, draw(grey, CAMERA, [far, near]))
+    assert (both != alone).any(-1).sum() < 0.05 * (alone != 90).any(-1).sum()
+    behind = Drawn("right", near.vertices * [1, 1, -1], model.faces, near.joints, None)
+    assert np.array_equal(draw(grey, CAMERA, [behind]), grey)
+
+
+def test_an_overlay_keeps_the_videos_times(made, tmp_path):
+    path, found, _ = made
+    (sequence,) = found.sequences()
+    track = ht.track(sequence)
+    overlay(tmp_path / "out.mp4", path, [track], found)
+    before, after = list(pictures(path)), list(pictures(tmp_path / "out.mp4"))
+    assert [p.time_ns // 10**6 for p in after] == pytest.approx(
+        [p.time_ns // 10**6 for p in before], abs=1
+    )
+    for a, b in zip(before, after, strict=True):
+        changed = np.abs(a.rgb.astype(int) - b.rgb.astype(int)).max(-1) > 25
+        assert 0.01 < changed.mean() < 0.4
+    overlay(tmp_path / "out.png", path, [track], found)
+    assert read_image(tmp_path / "out.png").shape == (480, 640, 3)
+    with pytest.raises(SettingsError, match=r"\.mp4 or \.png"):
+        write_overlay(tmp_path / "out.gif", path, lambda p: p.rgb)
+
+
+def test_the_command_line_refuses_what_cannot_be_drawn(tmp_path, capsys, sample_file):
+    write_image(tmp_path / "a.png", 100)
+    assert run(["track", str(sample_file), "--overlay", str(tmp_path / "o.mp4")]) == 2
+    assert "neither a video nor an image" in capsys.readouterr().err

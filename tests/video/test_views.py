@@ -1,0 +1,107 @@
+"""One hand seen by several cameras: what belongs together, and what does not."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import handtrack as ht
+from handtrack.errors import InputError
+from handtrack.hand.rotations import vector_to_matrix
+from handtrack.video.detections import Detections
+from handtrack.video.views import views_of
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "cameras"))
+from rigs import rig
+
+
+def seen(cameras, joints, hand="right", fps=30.0) -> list[Detections]:
+    """What each camera's perfect detector says of joints (T, 21, 3)."""
+    n = len(joints)
+    blank = {h: np.full((n, 21, 2), np.nan) for h in ("left", "right")}
+    out = []
+    for camera in cameras:
+        turned = joints @ camera.rotation.T + camera.translation
+        out.append(
+            Detections(
+                source=f"{camera.name}.mp4",
+                size=camera.size,
+                time_ns=(np.arange(n) / fps * 1e9).astype(np.int64),
+                frame_index=np.arange(n),
+                image={**blank, hand: camera.project(joints)},
+                world={
+                    **{h: np.full((n, 21, 3), np.nan) for h in blank},
+                    hand: turned - turned.mean(1, keepdims=True),
+                },
+                score={h: np.full(n, 0.9 if h == hand else 0.0) for h in blank},
+            )
+        )
+    return out
+
+
+@pytest.fixture
+def joints() -> np.ndarray:
+    model = ht.HandModel.default("right")
+    angles = np.tile(model.mean_angles, (5, 1)) + 0.05 * np.arange(5)[:, None]
+    placed = model.joints(model.limits.clamp(angles))
+    return placed - placed.mean((0, 1))
+
+
+def test_points_are_triangulated(joints):
+    cameras = rig(3)
+    (views,) = views_of(seen(cameras, joints), cameras)
+    assert np.allclose(views.points, joints, atol=1e-8)
+    assert (views.hand, views.name, len(views)) == ("right", "cam0", 5)
+    sequence = views.sequence()
+    assert np.array_equal(sequence.joints, views.points)
+    assert views.weights.shape == (5, 3, 21)
+    assert np.allclose(views.weights, 0.9)
+
+
+def test_one_camera_gives_its_own_joints_on_its_rays(joints):
+    cameras = rig(1)
+    (views,) = views_of(seen(cameras, joints), cameras)
+    assert np.allclose(views.points, joints, atol=1e-6)
+
+
+def test_a_hand_called_left_by_one_camera_is_the_same_hand(joints):
+    cameras = rig(2)
+    found = seen(cameras, joints)
+    other = seen(cameras, joints, "left")[1]
+    found[1] = replace(other, score={"left": np.full(5, 0.6), "right": np.zeros(5)})
+    (views,) = views_of(found, cameras)
+    assert views.hand == "right"
+    assert np.allclose(views.points, joints, atol=1e-8)
+    assert "called left and right" in views.notes[0]
+
+
+def test_what_does_not_belong_together_is_refused(joints):
+    cameras = rig(2)
+    found = seen(cameras, joints)
+    tilt = vector_to_matrix(np.array([0.3, 0.0, 0.0]))
+    turned = replace(cameras[1], rotation=tilt @ cameras[1].rotation)
+    for detections, cams, says in (
+        (found[:1], cameras, r"1 videos for 2 calibrated cameras \(cam0, cam1\)"),
+        (
+            [found[0], seen(cameras, joints[:3])[1]],
+            cameras,
+            r"cam1\.mp4: 3 frames, cam0\.mp4 has 5",
+        ),
+        (
+            [found[0], seen(cameras, joints, fps=25.0)[1]],
+            cameras,
+            r"cam1\.mp4: 25\.00 frames/s, cam0\.mp4 has 30\.00",
+        ),
+        (
+            [found[0], replace(found[1], size=(640, 480))],
+            cameras,
+            r"cam1\.mp4: the pictures are 640 x 480, camera cam1 was calibrated for 1280 x 720",
+        ),
+        (found, [cameras[0], turned], "does not belong to these videos"),
+    ):
+        with pytest.raises(InputError, match=says):
+            views_of(detections, cams)
