@@ -81,7 +81,7 @@ def test_a_hand_called_left_by_one_camera_is_the_same_hand(joints):
 def test_what_does_not_belong_together_is_refused(joints):
     cameras = rig(2)
     found = seen(cameras, joints)
-    moved = replace(cameras[1], translation=cameras[1].translation + [0, 0.2, 0])
+    moved = replace(cameras[1], translation=cameras[1].translation + np.array([0, 0.2, 0]))
     for detections, cams, says in (
         (found[:1], cameras, r"1 videos for 2 calibrated cameras \(cam0, cam1\)"),
         (
