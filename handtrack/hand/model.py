@@ -153,6 +153,34 @@ class HandModel:
 
         return MANO.load(path, hand, tips=tips).model(betas, limits)
 
+    @staticmethod
+    def from_gltf(
+        path: str | Path,
+        hand: Hand | None = None,
+        *,
+        limits: str = DEFAULT_LIMITS,
+        licensed: bool = True,
+    ) -> HandModel:
+        """A skinned hand of a glTF 2.0 file on the 25 joints of WebXR, as browsers show.
+
+        The pose that the file shows becomes the rest pose, all angles zero. The four
+        metacarpals of index to little finger are part of the palm.
+
+        Args:
+            path: .glb or .gltf, or a folder with left.glb and right.glb.
+            hand: "left" or "right"; by default as the file's name, or else its joints, say.
+            limits: name of the limits.
+            licensed: whether recordings leave the skin out. True unless you know better.
+
+        Raises:
+            InputError: the file is not there, is no glTF, has no skin or not those joints, or
+                shows the other hand.
+            SettingsError: a setting has no such value.
+        """
+        from handtrack.hand.gltf import gltf_hand
+
+        return gltf_hand(path, hand, preset(limits), licensed)
+
     @property
     def bone_lengths(self) -> Array:
         """(20,) lengths of the bones to joints 1..20 [m]."""

@@ -1,0 +1,287 @@
+"""Read the skinned mesh of a glTF 2.0 file (.glb or .gltf): what a hand needs of it."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import struct
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import unquote
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.errors import InputError
+from handtrack.hand.rotations import quaternion_to_matrix
+
+Array = NDArray[np.float64]
+
+# Khronos, glTF 2.0 specification, 3.6.2.2
+_COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+_TRIANGLES = 4
+
+
+class _Struct(msgspec.Struct, rename="camel"):
+    """Members that are not named here do not matter to us."""
+
+
+class _Node(_Struct):
+    name: str = ""
+    children: list[int] = []
+    matrix: list[float] | None = None
+    translation: tuple[float, float, float] = (0, 0, 0)
+    rotation: tuple[float, float, float, float] = (0, 0, 0, 1)
+    scale: tuple[float, float, float] = (1, 1, 1)
+    mesh: int | None = None
+    skin: int | None = None
+
+
+class _Skin(_Struct):
+    joints: list[int]
+    inverse_bind_matrices: int | None = None
+
+
+class _Primitive(_Struct):
+    attributes: dict[str, int]
+    indices: int | None = None
+    mode: int = _TRIANGLES
+    extensions: dict[str, Any] = {}
+
+
+class _Mesh(_Struct):
+    primitives: list[_Primitive]
+
+
+class _Accessor(_Struct):
+    component_type: int
+    count: int
+    type: str
+    buffer_view: int | None = None
+    byte_offset: int = 0
+    normalized: bool = False
+    sparse: dict[str, Any] | None = None
+
+
+class _View(_Struct):
+    buffer: int
+    byte_length: int
+    byte_offset: int = 0
+    byte_stride: int | None = None
+
+
+class _Buffer(_Struct):
+    byte_length: int
+    uri: str | None = None
+
+
+class _Asset(_Struct):
+    version: str
+
+
+class _Document(_Struct):
+    asset: _Asset
+    nodes: list[_Node] = []
+    skins: list[_Skin] = []
+    meshes: list[_Mesh] = []
+    accessors: list[_Accessor] = []
+    buffer_views: list[_View] = []
+    buffers: list[_Buffer] = []
+    extensions_required: list[str] = []
+
+
+class SkinnedMesh(NamedTuple):
+    """A mesh on a skeleton, as the file's scene shows it [m].
+
+    Attributes:
+        names: of the J joints.
+        joints: (J, 4, 4) their frames in the scene.
+        vertices: (V, 3) in the scene.
+        faces: (F, 3), counter-clockwise from outside.
+        weights: (V, J), rows summing to one.
+    """
+
+    names: tuple[str, ...]
+    joints: Array
+    vertices: Array
+    faces: NDArray[np.int64]
+    weights: Array
+
+
+def read_skinned_mesh(path: str | Path) -> SkinnedMesh:
+    """The one skinned mesh of a glTF 2.0 file.
+
+    Raises:
+        InputError: the file is not there, is no glTF, is damaged, has no skin or several, or
+            needs an extension that is not read (compressed meshes).
+    """
+    path = Path(path)
+    try:
+        return _File(path).skinned_mesh()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", path) from error
+    except msgspec.MsgspecError as error:
+        raise InputError(f"is no glTF 2.0: {error}", path) from error
+    except (IndexError, KeyError, ValueError, struct.error, RecursionError) as error:
+        raise InputError(f"is a damaged glTF file: {error}", path) from error
+
+
+class _File:
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        data = path.read_bytes()
+        self.inside: bytes | None = None
+        if data[:4] == b"glTF":
+            data, self.inside = self._chunks(data)
+        self.document = msgspec.json.decode(data, type=_Document)
+        if not self.document.asset.version.startswith("2."):
+            raise InputError(f"is glTF {self.document.asset.version}, expected 2.0", path)
+        if self.document.extensions_required:
+            needed = ", ".join(self.document.extensions_required)
+            raise InputError(f"needs {needed}, which is not read", path)
+        self.buffers: dict[int, bytes] = {}
+
+    def _chunks(self, data: bytes) -> tuple[bytes, bytes | None]:
+        """JSON and binary chunk of a .glb."""
+        _, version, length = struct.unpack_from("<III", data)
+        if version != 2 or length > len(data):
+            raise InputError(f"is cut short: {len(data)} bytes of {length}", self.path)
+        found: dict[bytes, bytes] = {}
+        place = 12
+        while place + 8 <= length:
+            size, kind = struct.unpack_from("<I4s", data, place)
+            found.setdefault(kind, data[place + 8 : place + 8 + size])
+            place += 8 + size
+        return found.get(b"JSON", b""), found.get(b"BIN\0")
+
+    def skinned_mesh(self) -> SkinnedMesh:
+        doc = self.document
+        hosts = [n for n in doc.nodes if n.skin is not None and n.mesh is not None]
+        if not hosts:
+            raise InputError("has no mesh with a skin", self.path)
+        if len({node.skin for node in hosts}) > 1:
+            raise InputError("has several skins, expected one hand", self.path)
+        skin = doc.skins[_index(hosts[0].skin)]
+        world = self._world()
+        joints = world[skin.joints]
+        bind = np.broadcast_to(np.eye(4), joints.shape)
+        if skin.inverse_bind_matrices is not None:
+            bind = self._array(skin.inverse_bind_matrices).reshape(-1, 4, 4).swapaxes(1, 2)
+        if bind.shape != joints.shape:
+            raise InputError(f"has {len(bind)} bind matrices for {len(joints)} joints", self.path)
+        parts = [
+            self._primitive(primitive, len(joints))
+            for node in hosts
+            for primitive in doc.meshes[_index(node.mesh)].primitives
+        ]
+        starts = np.cumsum([0] + [len(v) for v, _, _ in parts])
+        rest = np.concatenate([v for v, _, _ in parts])
+        faces = np.concatenate([f + s for (_, f, _), s in zip(parts, starts, strict=False)])
+        weights = np.concatenate([w for _, _, w in parts])
+        moves = joints @ bind
+        blended = np.einsum("vj,jab->vab", weights, moves[:, :3])
+        vertices = np.einsum("vab,vb->va", blended[..., :3], rest) + blended[..., 3]
+        if np.linalg.det(moves[0, :3, :3]) < 0:
+            faces = faces[:, ::-1]
+        names = tuple(doc.nodes[i].name for i in skin.joints)
+        return SkinnedMesh(names, joints, vertices, faces, weights)
+
+    def _world(self) -> Array:
+        """(N, 4, 4) frames of all nodes in the scene."""
+        nodes = self.document.nodes
+        out = np.stack([_local(node) for node in nodes])
+        parents = {child: i for i, node in enumerate(nodes) for child in node.children}
+        done: dict[int, Array] = {}
+
+        def frame(i: int) -> Array:
+            if i not in done:
+                done[i] = frame(parents[i]) @ out[i] if i in parents else out[i]
+            return done[i]
+
+        return np.stack([frame(i) for i in range(len(nodes))])
+
+    def _primitive(self, primitive: _Primitive, n: int) -> tuple[Array, NDArray[np.int64], Array]:
+        has = primitive.attributes
+        if "KHR_draco_mesh_compression" in primitive.extensions:
+            raise InputError("has a compressed mesh (Draco), which is not read", self.path)
+        if primitive.mode != _TRIANGLES:
+            raise InputError("has a mesh of something else than triangles", self.path)
+        missing = [key for key in ("POSITION", "JOINTS_0", "WEIGHTS_0") if key not in has]
+        if missing:
+            raise InputError(f"has a mesh without {' and '.join(missing)}", self.path)
+        points = self._array(has["POSITION"])
+        weights = np.zeros((len(points), n))
+        rows = np.arange(len(points))[:, None]
+        for i in range(len(has)):
+            if f"JOINTS_{i}" in has:
+                which = self._array(has[f"JOINTS_{i}"]).astype(np.int64)
+                np.add.at(weights, (rows, which), self._array(has[f"WEIGHTS_{i}"]))
+        total = weights.sum(1, keepdims=True)
+        if not (total > 1e-6).all():
+            raise InputError("has vertices that follow no joint", self.path)
+        faces = np.arange(len(points))
+        if primitive.indices is not None:
+            faces = self._array(primitive.indices).astype(np.int64).ravel()
+        if len(faces) % 3 or (len(faces) and faces.max() >= len(points)):
+            raise InputError("has triangles of vertices that do not exist", self.path)
+        return points, faces.reshape(-1, 3), weights / total
+
+    def _array(self, index: int) -> Array:
+        """(count, width) numbers of an accessor, normalised where it says so."""
+        accessor = self.document.accessors[index]
+        if accessor.sparse is not None or accessor.buffer_view is None:
+            raise InputError("has sparse data, which is not read", self.path)
+        view = self.document.buffer_views[accessor.buffer_view]
+        dtype = np.dtype(_COMPONENTS[accessor.component_type])
+        width = _WIDTHS[accessor.type]
+        step = view.byte_stride or width * dtype.itemsize
+        start = view.byte_offset + accessor.byte_offset
+        data = self._buffer(view.buffer)
+        last = start + step * (accessor.count - 1) + width * dtype.itemsize
+        if accessor.count < 1 or start < 0 or last > len(data):
+            raise InputError(f"is cut short: accessor {index} ends after its buffer", self.path)
+        shape, strides = (accessor.count, width), (step, dtype.itemsize)
+        raw = np.ndarray(shape, dtype, data, start, strides)
+        out = raw.astype(np.float64)
+        if accessor.normalized and dtype.kind in "iu":
+            out = np.maximum(out / np.iinfo(dtype).max, -1.0)
+        if not np.isfinite(out).all():
+            raise InputError("holds numbers that are not finite", self.path)
+        return out
+
+    def _buffer(self, index: int) -> bytes:
+        if index not in self.buffers:
+            uri = self.document.buffers[index].uri
+            if uri is None:
+                if self.inside is None:
+                    raise InputError("lacks its binary part", self.path)
+                self.buffers[index] = self.inside
+            elif uri.startswith("data:"):
+                try:
+                    self.buffers[index] = base64.b64decode(uri.partition(",")[2], validate=True)
+                except binascii.Error as error:
+                    raise InputError(f"has damaged base64 data: {error}", self.path) from error
+            else:
+                beside = (self.path.parent / unquote(uri)).resolve()
+                if not beside.is_relative_to(self.path.parent.resolve()):
+                    raise InputError(f"names a file outside of its folder: {uri}", self.path)
+                self.buffers[index] = beside.read_bytes()
+        return self.buffers[index]
+
+
+def _index(value: int | None) -> int:
+    if value is None or value < 0:
+        raise IndexError(f"index {value}")
+    return value
+
+
+def _local(node: _Node) -> Array:
+    out = np.eye(4)
+    if node.matrix is not None:
+        return np.array(node.matrix, dtype=np.float64).reshape(4, 4).T
+    x, y, z, w = node.rotation
+    out[:3, :3] = quaternion_to_matrix([w, x, y, z]) * np.array(node.scale)
+    out[:3, 3] = node.translation
+    return out
