@@ -22,7 +22,7 @@ from handtrack.cli import progress as cli_progress
 from handtrack.cli import run
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "tools"))
+sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "tests" / "hand")]
 
 import make_mano_like  # noqa: E402
 import make_panoptic  # noqa: E402
@@ -697,3 +697,18 @@ def test_track_fits_the_users_mano(sample_file, tmp_path, capsys):
     (tmp_path / "MANO_RIGHT.pkl").write_bytes(b"cos\nsystem\n(S'true'\ntR.")
     assert run([*where, "--mano", str(tmp_path)]) == 2
     assert "asks for os.system" in capsys.readouterr().err
+
+
+def test_track_fits_a_hand_of_gltf(sample_file, tmp_path, capsys):
+    from glb_files import write_glb
+
+    write_glb(tmp_path / "right.glb", ht.HandModel.default("right"))
+    out = tmp_path / "out.mcap"
+    where = ["track", str(sample_file), "-o", str(out), "--frames", "0:20", "-q"]
+    assert run([*where, "--gltf", str(tmp_path)]) == 0
+    (track,) = ht.read_mcap(out)
+    assert track.model.name == "gltf"
+    assert run([*where, "--gltf", str(tmp_path), "--mano", str(tmp_path)]) == 2
+    assert "name two hands" in capsys.readouterr().err
+    assert run([*where, "--gltf", str(sample_file)]) == 2
+    assert "no glTF" in capsys.readouterr().err

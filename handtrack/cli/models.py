@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from handtrack.errors import SettingsError
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -17,8 +19,14 @@ _Command = TypeVar("_Command", bound="Callable[..., Any]")
 
 
 def model_options(command: _Command) -> _Command:
-    """Give a command the options that make a `Models`."""
+    """Give a command the options that say which hand to fit, taken by `take_models`."""
     for option in (
+        click.option(
+            "--gltf",
+            type=click.Path(path_type=Path),
+            metavar="PATH",
+            help="Fit a skinned hand: .glb on WebXR's joints, or a folder with left and right.",
+        ),
         click.option(
             "--mano-tips",
             type=click.Choice(["smplx", "manopth", "freihand", "minimal-hand"]),
@@ -37,11 +45,20 @@ def model_options(command: _Command) -> _Command:
     return command
 
 
+def take_models(options: dict[str, Any], limits: str) -> Models:
+    """Take the values of `model_options` out of a command's options."""
+    return Models(limits, **{name: options.pop(name) for name in ("mano", "mano_tips", "gltf")})
+
+
 class Models:
     """The hand to fit, left or right, by the values of `model_options`."""
 
-    def __init__(self, limits: str, *, mano: Path | None, mano_tips: str) -> None:
-        self._limits, self._mano, self._tips = limits, mano, mano_tips
+    def __init__(
+        self, limits: str, *, mano: Path | None, mano_tips: str, gltf: Path | None
+    ) -> None:
+        if mano is not None and gltf is not None:
+            raise SettingsError("--mano and --gltf name two hands, expected one")
+        self._limits, self._mano, self._tips, self._gltf = limits, mano, mano_tips, gltf
         self._made: dict[Hand, HandModel] = {}
 
     def of(self, hand: Hand) -> HandModel:
@@ -53,10 +70,12 @@ class Models:
         from handtrack import HandModel
 
         if hand not in self._made:
-            if self._mano is None:
-                self._made[hand] = HandModel.default(hand, self._limits)
-            else:
+            if self._mano is not None:
                 self._made[hand] = HandModel.from_mano(
                     self._mano, hand, tips=self._tips, limits=self._limits
                 )
+            elif self._gltf is not None:
+                self._made[hand] = HandModel.from_gltf(self._gltf, hand, limits=self._limits)
+            else:
+                self._made[hand] = HandModel.default(hand, self._limits)
         return self._made[hand]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handtrack.cli.inputs import Reading, reading_options
-from handtrack.cli.models import Models, model_options
+from handtrack.cli.models import model_options, take_models
 from handtrack.cli.options import (
     json_option,
     no_mesh_option,
@@ -49,8 +49,6 @@ def track(
     input: Path,
     output: Path | None,
     rrd: Path | None,
-    mano: Path | None,
-    mano_tips: str,
     no_repair: bool,
     overlay: Path | None,
     no_mesh: bool,
@@ -68,7 +66,7 @@ def track(
     import handtrack as ht
 
     settings = take_tracking(options)
-    models = Models(settings.pop("limits"), mano=mano, mano_tips=mano_tips)
+    models = take_models(options, settings.pop("limits"))
     reading = Reading(**options)
     found = reading.detect(input, quiet or as_json)
     if overlay is not None:
