@@ -7,11 +7,57 @@ from typing import Any, TypeVar
 
 import click
 
+from handtrack.errors import SettingsError
+
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print numbers for machines.")
 no_mesh_option = click.option("--no-mesh", is_flag=True, help="Leave the skin out.")
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+
+_RECORDING = (
+    click.option(
+        "--mesh",
+        metavar="full|quantised|every:N|none",
+        default="full",
+        show_default=True,
+        help="The skin in the recording: float32, steps of 0.12 mm, every Nth frame (also"
+        " quantised,every:N), or left out.",
+    ),
+    click.option("--no-mesh", is_flag=True, help="The same as --mesh none."),
+    click.option(
+        "--compression",
+        type=click.Choice(["lz4", "zstd", "none"]),
+        default="lz4",
+        show_default=True,
+        help="Of the recording: zstd is smaller and slower.",
+    ),
+    click.option(
+        "--foxglove-mesh", is_flag=True, help="The skin as a foxglove.SceneUpdate as well."
+    ),
+)
+
+
+def recording_options(command: _Command) -> _Command:
+    """Give a command the options that say what a recording holds; `take_recording` takes them."""
+    for option in reversed(_RECORDING):
+        command = option(command)
+    return command
+
+
+def take_recording(options: dict[str, Any]) -> dict[str, Any]:
+    """Take the values of `recording_options`, as `McapRecorder` and `write_mcap` want them.
+
+    Raises:
+        SettingsError: they contradict each other.
+    """
+    taken = {name: options.pop(name) for name in ("mesh", "compression", "foxglove_mesh")}
+    if options.pop("no_mesh"):
+        if taken["mesh"] not in ("full", "none"):
+            raise SettingsError(f"--no-mesh and --mesh {taken['mesh']}: choose one")
+        taken["mesh"] = "none"
+    return taken
+
 
 _TRACKING = {
     "limits": click.option(

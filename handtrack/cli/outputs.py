@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
+import time
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from handtrack.errors import SettingsError
 
 if TYPE_CHECKING:
-    from handtrack import Sequence
+    from handtrack import McapRecorder, Sequence, Track
 
 RECORDINGS = Path("recordings")
 
@@ -61,6 +62,50 @@ def jobs(
             raise SettingsError(f"{mcap} is the input: give the new recording a name with -o")
         made.append(Job(group, mcap, shown))
     return made
+
+
+def recorder(job: Job, choices: dict[str, Any]) -> McapRecorder:
+    """What writes a job's recording while its sequences are tracked.
+
+    Args:
+        job: what goes into it.
+        choices: as `take_recording` takes them.
+    """
+    from handtrack import McapRecorder
+
+    job.mcap.parent.mkdir(parents=True, exist_ok=True)
+    return McapRecorder(
+        job.mcap,
+        hands=[(sequence.name, sequence.hand) for sequence in job.sequences],
+        start_ns=min(int(sequence.time_ns[0]) for sequence in job.sequences),
+        **choices,
+    )
+
+
+class Stretches:
+    """Records the stretches of a track, from the first on that a hand is seen in.
+
+    So a hand that is never seen leaves nothing.
+
+    Attributes:
+        seconds: time spent with recording [s].
+    """
+
+    def __init__(self, recorder: McapRecorder, hand: int) -> None:
+        self._recorder, self._hand = recorder, hand
+        self._waiting: list[Track] = []
+        self._seen = False
+        self.seconds = 0.0
+
+    def __call__(self, part: Track) -> None:
+        start = time.perf_counter()
+        self._seen = self._seen or bool((part.status != "lost").any())
+        self._waiting.append(part)
+        if self._seen:
+            for waiting in self._waiting:
+                self._recorder.add(waiting, self._hand)
+            self._waiting = []
+        self.seconds += time.perf_counter() - start
 
 
 def check_target(path: Path, suffix: str, option: str) -> None:

@@ -13,13 +13,14 @@ from handtrack.cli.inputs import Reading, reading_options
 from handtrack.cli.models import model_options, take_models
 from handtrack.cli.options import (
     json_option,
-    no_mesh_option,
     quiet_option,
+    recording_options,
+    take_recording,
     take_tracking,
     tracking_options,
 )
-from handtrack.cli.outputs import Job, check_target, jobs
-from handtrack.cli.progress import Progress, compiling_said, progress_shown
+from handtrack.cli.outputs import Stretches, check_target, jobs, recorder
+from handtrack.cli.progress import compiling_said, progress_shown
 from handtrack.errors import HandtrackError, SettingsError
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     type=click.Path(path_type=Path),
     help="Of a video or images: the hand drawn over them, .mp4 or .png (the first picture).",
 )
-@no_mesh_option
+@recording_options
 @json_option
 @quiet_option
 @reading_options
@@ -51,7 +52,6 @@ def track(
     rrd: Path | None,
     no_repair: bool,
     overlay: Path | None,
-    no_mesh: bool,
     as_json: bool,
     quiet: bool,
     **options: Any,
@@ -65,7 +65,7 @@ def track(
     """
     import handtrack as ht
 
-    settings = take_tracking(options)
+    settings, recording = take_tracking(options), take_recording(options)
     models = take_models(options, settings.pop("limits"))
     reading = Reading(**options)
     found = reading.detect(input, quiet or as_json)
@@ -96,23 +96,31 @@ def track(
             ht.fit(hand := ht.HandModel.default(), hand.rest_joints, update=update)
         for job in work:
             made = []
-            for sequence in job.sequences:
-                start = time.perf_counter()
-                try:
-                    model = models.of(sequence.hand)
-                    result = ht.track(sequence, model, progress=progress.frames, **settings)
-                    _check_fitted(result)
-                except HandtrackError as error:
-                    # a hand that is hardly seen must not take the others with it
-                    left_out.append(f"{sequence.name}: left out: {error}")
-                    if len(left_out) == len(sequences):
-                        raise
-                else:
-                    made.append(result)
-                seconds += time.perf_counter() - start
-                progress.next(len(sequence))
+            with recorder(job, recording) as record:
+                for i, sequence in enumerate(job.sequences):
+                    start, stretches = time.perf_counter(), Stretches(record, i)
+                    try:
+                        model = models.of(sequence.hand)
+                        hooks: dict[str, Any] = {"progress": progress.frames, "on_part": stretches}
+                        result = ht.track(sequence, model, **hooks, **settings)
+                        _check_fitted(result)
+                    except HandtrackError as error:
+                        # a hand that is hardly seen must not take the others with it
+                        left_out.append(f"{sequence.name}: left out: {error}")
+                        if len(left_out) == len(sequences) or record.closed:
+                            raise
+                    else:
+                        made.append(result)
+                    seconds += time.perf_counter() - start - stretches.seconds
+                    progress.next(len(sequence))
+                if not made:
+                    record.stop()
             if made:
-                _write(made, job, not no_mesh, progress)
+                if job.rrd is not None:
+                    progress.says(f"writing {job.rrd}")
+                    job.rrd.parent.mkdir(parents=True, exist_ok=True)
+                    ht.log_rerun(made, save=job.rrd, mesh=recording["mesh"] != "none")
+                    progress.says("tracking")
                 tracks += made
                 written += job.files
         if overlay is not None and found is not None:
@@ -162,16 +170,3 @@ def _check_fitted(track: Track) -> None:
     """
     if (track.status == "lost").all():
         raise HandtrackError(f"{track.source}: no frame could be fitted: {track.reason[0]}")
-
-
-def _write(tracks: list[Track], job: Job, mesh: bool, progress: Progress) -> None:
-    import handtrack as ht
-
-    for path in job.files:
-        progress.says(f"writing {path}")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path == job.mcap:
-            ht.write_mcap(tracks, path, mesh=mesh)
-        else:
-            ht.log_rerun(tracks, save=path, mesh=mesh)
-    progress.says("tracking")

@@ -39,12 +39,14 @@ class HandReader:
     Args:
         topic: of the hand, such as "/right".
         path: of the file, for errors.
+        first: number of the first frame that is wanted; None for whichever comes first.
     """
 
-    def __init__(self, topic: str, path: Path) -> None:
+    def __init__(self, topic: str, path: Path, first: int | None = 0) -> None:
         self.topic, self._path = topic, path
-        self.frames = 0
-        """Frames read so far."""
+        self.first = first
+        self.frames = first or 0
+        """Number of the next frame."""
         self._hand: Any = None
         self._model: HandModel | None = None
         self._events: dict[int, Event] = {}
@@ -74,6 +76,8 @@ class HandReader:
         elif schema == "handtrack.Event":
             self._events[sequence] = Event(message.time_ns, message.level, message.text)
         else:
+            if self.first is None:
+                self.first = self.frames = sequence
             if sequence != self.frames & 0xFFFFFFFF:
                 raise self._wrong(
                     f"frame {self.frames} of a hand is missing, the next one is {sequence}"

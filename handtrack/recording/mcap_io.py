@@ -60,14 +60,21 @@ def write_mcap(
     return path
 
 
-def read_mcap(path: str | Path) -> list[Track]:
-    """Read the tracks of an MCAP file that `write_mcap` wrote, in the order written.
+def read_mcap(
+    path: str | Path, *, start_ns: int | None = None, end_ns: int | None = None
+) -> list[Track]:
+    """Read the tracks of an MCAP file of any format version, in the order written.
 
-    All of a Track comes back exactly, to the bit; of a licensed model (MANO) not its skin,
-    which the file doesn't hold.
+    All of a Track comes back exactly, to the bit; of a licensed model (MANO) not its template,
+    which the file doesn't hold, but the skins that it does.
 
     A file whose writer was stopped is read up to its last whole chunk, with a UserWarning
     that says how much that is.
+
+    Args:
+        path: the file.
+        start_ns, end_ns: first and last time wanted [ns], on the recording's clock; a complete
+            file is read only there.
 
     Raises:
         InputError: there is no such file, it is not such a recording, it is damaged (with
@@ -75,7 +82,7 @@ def read_mcap(path: str | Path) -> list[Track]:
     """
     from handtrack.recording.mcap_read import read_tracks
 
-    return read_tracks(Path(path))
+    return read_tracks(Path(path), start_ns, end_ns)
 
 
 def follow_mcap(

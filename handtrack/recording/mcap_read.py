@@ -8,16 +8,28 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
+import numpy as np
+
 from handtrack.errors import InputError
 from handtrack.recording.hand_reader import OURS, VERSIONS, HandReader
-from handtrack.recording.mcap_walk import MAGIC, Walk, opened
+from handtrack.recording.mcap_index import McapIndex, read_index
+from handtrack.recording.mcap_walk import MAGIC, Found, Walk, opened
 from handtrack.recording.mcap_write import METADATA
 from handtrack.recording.stored_skin import StoredSkin
+from handtrack.recording.window import between
 from handtrack.tracking.track import Track
 
+_INT64 = np.iinfo(np.int64)
 
-def read_tracks(path: Path) -> list[Track]:
+
+def read_tracks(path: Path, start_ns: int | None, end_ns: int | None) -> list[Track]:
     """The Tracks of a file; see `handtrack.recording.mcap_io.read_mcap`."""
+    part = start_ns is not None or end_ns is not None
+    first, last = _INT64.min if start_ns is None else start_ns, end_ns
+    last = _INT64.max if last is None else last
+    index = read_index(path) if part else None
+    if index is not None:
+        return _indexed(index, first, last)
     walk = Walk(path)
     hands = Hands(walk)
     hands.read()
@@ -26,10 +38,28 @@ def read_tracks(path: Path) -> list[Track]:
     if walk.cut:
         if not any(len(track) for track in tracks):
             raise InputError(f"{walk.cut}, no frame is whole", path)
-        last = max(t.time_ns[-1] - t.time_ns[0] for t in tracks if len(t)) * 1e-9
+        seconds = max(t.time_ns[-1] - t.time_ns[0] for t in tracks if len(t)) * 1e-9
         frames = max(len(track) for track in tracks)
-        warnings.warn(f"{path}: {walk.cut}; read {frames} whole frames, {last:.2f} s", stacklevel=3)
-    return tracks
+        warnings.warn(
+            f"{path}: {walk.cut}; read {frames} whole frames, {seconds:.2f} s", stacklevel=3
+        )
+    return [between(track, first, last) for track in tracks] if part else tracks
+
+
+def _indexed(index: McapIndex, first: int, last: int) -> list[Track]:
+    """The tracks, with what has times first..last [ns]."""
+    walk = index.walk()
+    hands = Hands(walk, first=None)
+    hands.check()
+    offset = int(index.metadata[METADATA].get("time_offset_ns", "0"))
+    times = max(first - offset, 0), min(max(last - offset, -1), 2**64 - 1)
+    models = {begin for name, begin in index.begins.items() if name.startswith(f"{METADATA}/")}
+    # version 1 had the models in the first chunk
+    places = sorted({index.at(begin) for begin in models or {0}})
+    hands.read(places, schemas=OURS[:1])
+    wanted = index.between(*times) if times[0] <= times[1] else []
+    hands.read(wanted, schemas=OURS[1:], times=times)
+    return [hands.take(hand, wanted) for hand in hands.all]
 
 
 def follow_tracks(path: Path, poll_s: float, timeout_s: float) -> Iterator[Track]:
@@ -49,7 +79,7 @@ def follow_tracks(path: Path, poll_s: float, timeout_s: float) -> Iterator[Track
             size, since = now, time.monotonic()
             if size < len(MAGIC):
                 continue
-            hands.read(stream)
+            hands.read(stream=stream)
             if any(hand.here for hand in hands.all):
                 hands.check()
             yield from (hands.take(hand) for hand in hands.all if hand.here)
@@ -59,28 +89,48 @@ def follow_tracks(path: Path, poll_s: float, timeout_s: float) -> Iterator[Track
 class Hands:
     """The hands in the messages of a file, as they are met."""
 
-    def __init__(self, walk: Walk) -> None:
-        self._walk, self._hands = walk, dict[str, HandReader]()
+    def __init__(self, walk: Walk, first: int | None = 0) -> None:
+        self._walk, self._first = walk, first
+        self._hands: dict[str, HandReader] = {}
 
     @property
     def all(self) -> list[HandReader]:
         """In the order in which they were met."""
         return list(self._hands.values())
 
-    def read(self, stream: IO[bytes] | None = None) -> None:
-        """All messages that are there, as `Walk.messages`.
+    def read(
+        self,
+        places: list[tuple[int, int]] | None = None,
+        schemas: tuple[str, ...] = OURS,
+        times: tuple[int, int] = (0, 2**64 - 1),
+        stream: IO[bytes] | None = None,
+    ) -> None:
+        """Messages of those schemas and log times, as `Walk.messages`.
 
         Raises:
             InputError: as that does, or a message does not fit.
         """
         walk = self._walk
-        for found in walk.messages(lambda schema: schema in OURS, stream):
-            channel = walk.channels[found.channel]
-            topic = channel.topic.rpartition("/")[0]
-            hand = self._hands.get(topic)
-            if hand is None:
-                hand = self._hands[topic] = HandReader(topic, walk.path)
-            hand.add(walk.schemas[channel.schema_id], found.sequence, found.data)
+        for found in walk.messages(lambda schema: schema in schemas, places, stream):
+            if times[0] <= found.time <= times[1]:
+                self.add(found)
+
+    def add(self, found: Found) -> None:
+        """A message, if it is one of ours.
+
+        Raises:
+            InputError: it does not fit.
+        """
+        walk = self._walk
+        channel = walk.channels[found.channel]
+        schema = walk.schemas.get(channel.schema_id, "")
+        if schema not in OURS:
+            return
+        topic = channel.topic.rpartition("/")[0]
+        hand = self._hands.get(topic)
+        if hand is None:
+            hand = self._hands[topic] = HandReader(topic, walk.path, self._first)
+        hand.add(schema, found.sequence, found.data)
 
     def check(self) -> None:
         """Whether this is one of our recordings, of a version that can be read.
@@ -102,9 +152,15 @@ class Hands:
                 f"format version {version}, this handtrack reads {' and '.join(known)}", walk.path
             )
 
-    def take(self, hand: HandReader) -> Track:
-        """What came of a hand since the last time, with the skin that the file holds."""
-        mesh = f"{hand.topic}/mesh"
+    def take(self, hand: HandReader, places: list[tuple[int, int]] | None = None) -> Track:
+        """What came of a hand since the last time, with the skin that the file holds.
+
+        Args:
+            hand: one of `all`.
+            places: of the chunks with its skin; everywhere if left out.
+        """
+        mesh, path = f"{hand.topic}/mesh", self._walk.path
         if not hand.licensed or all(c.topic != mesh for c in self._walk.channels.values()):
             return hand.take()
-        return hand.take(StoredSkin(self._walk.path, mesh, hand.frames, *hand.skin_size))
+        frames = hand.frames - hand.here, hand.frames
+        return hand.take(StoredSkin(path, mesh, frames, *hand.skin_size, places))

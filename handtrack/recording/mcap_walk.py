@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Callable, Iterator
-from contextlib import nullcontext
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mcap.records import Channel
 
 MAGIC = b"\x89MCAP0\r\n"
-_RECORD = struct.Struct("<BQ")
+RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 
 
@@ -67,6 +67,8 @@ class Walk:
         schemas: names of schemas by id.
         cut: where and how the file ends too early; empty for a complete file.
         done: whether the end of the data was met.
+        chunks: how many were read.
+        compression: of the last one.
     """
 
     path: Path
@@ -75,11 +77,16 @@ class Walk:
     schemas: dict[int, str] = field(default_factory=dict)
     cut: str = ""
     done: bool = False
+    chunks: int = 0
+    compression: str = ""
     _position: int = 0
     _crc: int = 0
 
     def messages(
-        self, wanted: Callable[[str], bool], stream: IO[bytes] | None = None
+        self,
+        wanted: Callable[[str], bool],
+        places: Iterable[tuple[int, int]] | None = None,
+        stream: IO[bytes] | None = None,
     ) -> Iterator[Found]:
         """Messages of the channels whose schema's name is wanted, in the file's order.
 
@@ -87,6 +94,7 @@ class Walk:
 
         Args:
             wanted: by the schema's name.
+            places: (offset, length) of the chunks to read, by `McapIndex`; all by default.
             stream: the file, if it is open already.
 
         Yields:
@@ -96,6 +104,27 @@ class Walk:
         Raises:
             InputError: it can't be read, is no MCAP file, or is damaged.
         """
+        file = opened(self.path) if stream is None else nullcontext(stream)
+        with self.telling(), file as source:
+            records = self._records(source) if places is None else self._at(source, places)
+            for opcode, content in records:
+                yield from self._record(opcode, content, wanted)
+
+    def _at(
+        self, stream: IO[bytes], places: Iterable[tuple[int, int]]
+    ) -> Iterator[tuple[int, bytes]]:
+        for offset, length in places:
+            self._position = offset
+            stream.seek(offset)
+            record = stream.read(length)
+            opcode, size = RECORD.unpack_from(record)
+            if size != len(record) - RECORD.size:
+                raise ValueError("it is not the record that the index names")
+            yield opcode, record[RECORD.size :]
+
+    @contextmanager
+    def telling(self, what: str = "") -> Iterator[None]:
+        """What damaged files raise, as InputError that says `what`, or else where."""
         import zstandard
         from mcap.exceptions import McapError
 
@@ -105,18 +134,18 @@ class Walk:
             struct.error,
             ValueError,  # checksums, and text that is not UTF-8
             RuntimeError,  # lz4
+            IndexError,
             OverflowError,
             MemoryError,
         )
         try:
-            with opened(self.path) if stream is None else nullcontext(stream) as source:
-                for opcode, content in self._records(source):
-                    yield from self._record(opcode, content, wanted)
+            yield
         except OSError as error:
             reason = error.strerror or str(error)
             raise InputError(f"cannot be read: {reason}", self.path) from error
         except expected as error:
-            raise InputError(f"damaged at byte {self._position}: {error}", self.path) from error
+            where = what or f"damaged at byte {self._position}"
+            raise InputError(f"{where}: {error}", self.path) from error
 
     def _records(self, stream: IO[bytes]) -> Iterator[tuple[int, bytes]]:
         """(opcode, content) of every whole record up to the end of the data."""
@@ -130,11 +159,11 @@ class Walk:
                 raise InputError("not an MCAP file" if size else "the file is empty", self.path)
             self._crc, self._position = zlib.crc32(start), len(MAGIC)
         while self._position < size:
-            head = stream.read(_RECORD.size)
-            if len(head) < _RECORD.size:
+            head = stream.read(RECORD.size)
+            if len(head) < RECORD.size:
                 break
-            opcode, length = _RECORD.unpack(head)
-            if length > size - self._position - _RECORD.size:
+            opcode, length = RECORD.unpack(head)
+            if length > size - self._position - RECORD.size:
                 break
             content = stream.read(length)
             if opcode == Opcode.DATA_END:
@@ -145,7 +174,7 @@ class Walk:
                 return
             yield opcode, content
             self._crc = zlib.crc32(content, zlib.crc32(head, self._crc))
-            self._position += _RECORD.size + length
+            self._position += RECORD.size + length
         self.cut = f"it ends in the middle of its data, after byte {self._position}"
 
     def _record(
@@ -158,6 +187,7 @@ class Walk:
 
         if opcode == Opcode.CHUNK:
             chunk = Chunk.read(ReadDataStream(BytesIO(content)))
+            self.chunks, self.compression = self.chunks + 1, chunk.compression
             stream, length = get_chunk_data_stream(chunk, validate_crc=True)
             yield from self._inside(stream.read(length), wanted)
         elif opcode == Opcode.MESSAGE:
@@ -181,8 +211,8 @@ class Walk:
         message, position = int(Opcode.MESSAGE), 0
         skipped: set[int] = set()
         while position < len(data):
-            opcode, length = _RECORD.unpack_from(data, position)
-            position += _RECORD.size
+            opcode, length = RECORD.unpack_from(data, position)
+            position += RECORD.size
             end = position + length
             if end > len(data):
                 raise ValueError("a record is longer than its chunk")

@@ -103,6 +103,11 @@ class McapRecorder:
         """Where it is until then."""
         return self._file.part
 
+    @property
+    def closed(self) -> bool:
+        """Whether nothing more can be recorded: after `close`, `stop` or a full disk."""
+        return not self._open
+
     def write(
         self,
         frame: TrackedFrame,

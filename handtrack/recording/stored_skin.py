@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
+from handtrack.recording.mcap_index import read_index
 from handtrack.recording.mcap_walk import Walk
 from handtrack.recording.schema import message_class
 
@@ -19,15 +21,22 @@ class StoredSkin:
     Args:
         path: the file.
         topic: the mesh's.
-        frames: of the hand.
+        frames: numbers of the first frame and of the one after the last.
         n_vertices: of the skin.
         faces: (F, 3) triangles.
+        places: (offset, length) of the chunks to look in; everywhere if left out.
     """
 
     def __init__(
-        self, path: Path, topic: str, frames: int, n_vertices: int, faces: NDArray[np.int32]
+        self,
+        path: Path,
+        topic: str,
+        frames: tuple[int, int],
+        n_vertices: int,
+        faces: NDArray[np.int32],
+        places: Sequence[tuple[int, int]] | None = None,
     ) -> None:
-        self._path, self._topic, self._frames = path, topic, frames
+        self._path, self._topic, self._frames, self._places = path, topic, frames, places
         self.n_vertices, self.faces = n_vertices, faces
 
     def vertices(self, frames: slice | NDArray[np.int64]) -> NDArray[np.float64]:
@@ -40,10 +49,14 @@ class StoredSkin:
 
     @cached_property
     def _all(self) -> NDArray[np.float32]:
-        out = np.full((self._frames, self.n_vertices, 3), np.nan, np.float32)
-        walk, cloud = Walk(self._path), message_class("foxglove.PointCloud")
-        for found in walk.messages(lambda schema: schema == "foxglove.PointCloud"):
-            if walk.channels[found.channel].topic != self._topic or found.sequence >= len(out):
+        first, end = self._frames
+        out = np.full((end - first, self.n_vertices, 3), np.nan, np.float32)
+        cloud = message_class("foxglove.PointCloud")
+        index = None if self._places is None else read_index(self._path)
+        walk = Walk(self._path) if index is None else index.walk()
+        for found in walk.messages(lambda schema: schema == "foxglove.PointCloud", self._places):
+            frame = found.sequence - first
+            if walk.channels[found.channel].topic != self._topic or not 0 <= frame < len(out):
                 continue
             points = np.frombuffer(cloud.FromString(found.data).data, "<f4")
             if len(points) not in (0, 3 * self.n_vertices):
@@ -53,5 +66,5 @@ class StoredSkin:
                     self._path,
                 )
             if len(points):
-                out[found.sequence] = points.reshape(-1, 3)
+                out[frame] = points.reshape(-1, 3)
         return out

@@ -37,14 +37,15 @@ class Spread:
             place = np.floor((np.log10(values) + 9) * _PER_DECADE)
         place = np.clip(place, 0, len(self._bins) - 1).astype(np.int64)
         self._bins += np.bincount(place, minlength=len(self._bins))
-        self._sum += float(values.sum())
+        with np.errstate(over="ignore"):
+            self._sum += float(values.sum())
         self._max = max(self._max, float(values.max()))
         self.count += len(values)
 
     @property
     def mean(self) -> float | None:
-        """None where nothing was added."""
-        return self._sum / self.count if self.count else None
+        """None where nothing was added, or it is beyond all numbers."""
+        return self._sum / self.count if self.count and np.isfinite(self._sum) else None
 
     @property
     def maximum(self) -> float | None:
@@ -88,7 +89,8 @@ class HandSummary:
         else:
             times = np.concatenate([[self._last], times])
         self._last = int(times[-1])
-        self._intervals.add(np.diff(times).astype(np.float64))
+        # modulo 2^64, so right for every pair of int64
+        self._intervals.add(np.diff(times.astype(np.uint64)).astype(np.float64))
 
     def values(self) -> dict[str, Any]:
         """Plain values for JSON: counts, times [ns], rate [1/s], errors [mm]."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import SettingsError
-from handtrack.tracking.track import Track
+from handtrack.tracking.track import SkinOfFrames, Track
 
 
 def pick(
@@ -88,4 +88,7 @@ def _frames(track: Track, some: slice | NDArray[np.int64]) -> Track:
         for field in dataclasses.fields(Track)
         if isinstance(value := getattr(track, field.name), np.ndarray)
     }
-    return dataclasses.replace(track, **arrays)
+    if track.skin is None:
+        return dataclasses.replace(track, **arrays)
+    skin = SkinOfFrames(track.skin, np.arange(len(track))[some])
+    return dataclasses.replace(track, **arrays, skin=skin)

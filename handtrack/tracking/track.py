@@ -48,6 +48,23 @@ class Skin(Protocol):
         ...
 
 
+class SkinOfFrames:
+    """The skins of some frames of a sequence, as a `Skin`.
+
+    Args:
+        whole: the skins of all frames.
+        frames: (n,) which.
+    """
+
+    def __init__(self, whole: Skin, frames: NDArray[np.int64]) -> None:
+        self._whole, self._frames = whole, frames
+        self.n_vertices, self.faces = whole.n_vertices, whole.faces
+
+    def vertices(self, frames: slice | NDArray[np.int64]) -> Array:
+        """(n, V, 3) in the world [m], NaN where none was recorded."""
+        return self._whole.vertices(self._frames[frames])
+
+
 @dataclass(frozen=True, eq=False)
 class Track:
     """A tracked sequence. Recorders, replay, metrics and reports see only this.

@@ -1,0 +1,120 @@
+"""What a recording holds, told from its index."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from handtrack.errors import InputError
+from handtrack.recording.mcap_index import McapIndex, read_index
+from handtrack.recording.mcap_walk import Walk
+from handtrack.recording.mcap_write import METADATA
+from handtrack.recording.summary import SUMMARY, HandSummary, read_summary
+
+
+def info(path: str | Path) -> dict[str, Any]:
+    """What a recording holds: plain values for JSON.
+
+    Of a complete file only the index and the summary are read, so that this takes the same
+    few milliseconds whatever its size. Where they are missing (a stopped writer, format version
+    1) all of it is read.
+
+    Returns:
+        path, size (bytes), complete, format_version, version (of handtrack), compression, mesh,
+        chunks, note (what is wrong, or ""), topics (topic -> schema, messages, bytes before
+        compression) and hands (topic -> name, hand, model, limits, settings, version, frames,
+        fitted, predicted, lost, events, warnings, first_ns, last_ns, fps, error_mm ("observed",
+        "truth" -> mean, median, p95, max)). Bytes are None where only messages were counted.
+
+    Raises:
+        InputError: as `read_mcap`.
+    """
+    path = Path(path)
+    index = read_index(path)
+    if index is not None:
+        if METADATA not in index.metadata:
+            topics = ", ".join(sorted(c.topic for c in index.channels.values())) or "no topics"
+            raise InputError(f"not a recording of handtrack, it has {topics}", path)
+        if SUMMARY in index.metadata:
+            with Walk(path).telling("its summary is damaged"):
+                return _of_index(index, read_summary(index.metadata[SUMMARY]))
+    return _of_messages(path)
+
+
+def _of_index(index: McapIndex, summary: dict[str, Any]) -> dict[str, Any]:
+    topics = {
+        channel.topic: {
+            "schema": index.schemas.get(channel.schema_id, ""),
+            "messages": index.counts.get(number, 0),
+            "bytes": summary["bytes"].get(channel.topic),
+        }
+        for number, channel in index.channels.items()
+    }
+    hands = {}
+    for topic, values in summary["hands"].items():
+        record = index.metadata.get(f"{METADATA}/{topic}", {})
+        hands[topic] = _hand(values, record)
+    return _about(index.path, index.metadata[METADATA]) | {
+        "complete": True,
+        "compression": index.compression,
+        "chunks": len(index.chunks),
+        "note": "",
+        "topics": topics,
+        "hands": hands,
+    }
+
+
+def _of_messages(path: Path) -> dict[str, Any]:
+    """The same, from all messages."""
+    from handtrack.recording.mcap_read import Hands
+
+    walk = Walk(path)
+    hands = Hands(walk)
+    counts: dict[int, list[int]] = {}
+    for found in walk.messages(lambda schema: True):
+        count = counts.setdefault(found.channel, [0, 0])
+        count[0] += 1
+        count[1] += len(found.data)
+        hands.add(found)
+    hands.check()
+    values = {}
+    for hand in hands.all:
+        track = hands.take(hand)
+        summary = HandSummary(track)
+        summary.add(track)
+        record = {"limits": track.model.limits.name, "version": track.version}
+        record["settings"] = json.dumps(dict(track.settings))
+        values[hand.topic.strip("/")] = _hand(summary.values(), record)
+    topics = {
+        channel.topic: {
+            "schema": walk.schemas.get(channel.schema_id, ""),
+            "messages": counts.get(number, [0, 0])[0],
+            "bytes": counts.get(number, [0, 0])[1],
+        }
+        for number, channel in walk.channels.items()
+    }
+    return _about(path, walk.metadata[METADATA]) | {
+        "complete": walk.done,
+        "compression": walk.compression or "none",
+        "chunks": walk.chunks,
+        "note": walk.cut,
+        "topics": topics,
+        "hands": values,
+    }
+
+
+def _about(path: Path, head: dict[str, str]) -> dict[str, Any]:
+    return {
+        "path": str(path),
+        "size": path.stat().st_size,
+        "format_version": head.get("format_version"),
+        "version": head.get("version", ""),
+        "mesh": head.get("mesh"),
+    }
+
+
+def _hand(values: dict[str, Any], record: dict[str, str]) -> dict[str, Any]:
+    settings = json.loads(record.get("settings", "{}"))
+    own = {"limits": record.get("limits", ""), "version": record.get("version", "")}
+    return values | own | {"settings": settings}
