@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+import math
 import re
+import subprocess
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from handtrack.errors import HandtrackError, SettingsError
 from handtrack.hand.limits import Limits
+from handtrack.recording.blueprint import blueprint
+from handtrack.recording.eye import Seen, eye
 from handtrack.recording.hand_log import HandLog
 from handtrack.recording.rerun_log import APPLICATION
 from handtrack.recording.shown import Shown, origin_ns
-from handtrack.recording.viewer import answers
+from handtrack.recording.viewer import answers, free_port, grpc_address, viewer, wait_for
 from handtrack.recording.window import rows
+from handtrack.tracking.track import Track
 
 if TYPE_CHECKING:
     import rerun as rr
-    import rerun.blueprint as rrb
+
+    from handtrack.tracking.tracker import TrackedFrame, Tracker
 
 DEFAULT_ADDRESS = "rerun+http://127.0.0.1:9876/proxy"
 """Where a viewer that was started by `rerun` takes data."""
@@ -30,12 +36,14 @@ _FLUSH_S = 10.0
 
 
 @contextmanager
-def connected(address: str, arranged: rrb.Blueprint) -> Iterator[rr.RecordingStream]:
+def connected(
+    address: str, process: subprocess.Popen[bytes] | None = None
+) -> Iterator[rr.RecordingStream]:
     """A recording whose content goes to a viewer.
 
     Args:
         address: the viewer's, as "rerun+http://127.0.0.1:9876/proxy", or HOST:PORT.
-        arranged: how it is to be shown.
+        process: the viewer's process, if it is ours: once that has ended nothing is sent.
 
     Raises:
         SettingsError: that is no address.
@@ -53,14 +61,128 @@ def connected(address: str, arranged: rrb.Blueprint) -> Iterator[rr.RecordingStr
     recording = rr.RecordingStream(APPLICATION)
     recording.connect_grpc(url if url.endswith("/proxy") else f"{url}/proxy")
     try:
-        recording.send_blueprint(arranged)
         yield recording
         try:
             recording.flush(timeout_sec=_FLUSH_S)
         except (RuntimeError, TimeoutError, ValueError) as error:
-            raise HandtrackError(f"the viewer at {host}:{port} takes no more: {error}") from error
+            if process is None or process.poll() is None:
+                raise HandtrackError(
+                    f"the viewer at {host}:{port} takes no more: {error}"
+                ) from error
     finally:
         recording.disconnect()
+
+
+class LiveViewer:
+    """A viewer that shows hands while they are tracked; a context manager.
+
+        with LiveViewer() as viewer:
+            for joints, time_ns in camera:
+                viewer.step(tracker.step(joints, time_ns), tracker)
+
+    What comes is sent 30 times a second, all that is there at once: a frame costs its share of
+    a call. A viewer that is closed ends nothing: what follows is not shown.
+
+    Args:
+        connect: HOST:PORT of a viewer that runs already; "" for the one that `rerun` starts.
+            None opens a window, which stays open until the block ends.
+        mesh: show the skin.
+        seen: joints that will come, as far as they are known: the viewer looks so that they
+            are in view.
+
+    Raises:
+        SettingsError: `connect` is no address.
+        HandtrackError: there is no viewer, or none can be opened.
+    """
+
+    def __init__(
+        self, connect: str | None = None, *, mesh: bool = True, seen: Sequence[Seen] = ()
+    ) -> None:
+        self._connect, self._mesh, self._seen = connect, mesh, seen
+        self._stack = ExitStack()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._recording: rr.RecordingStream | None = None
+        self._hands: dict[str, HandLog] = {}
+        self._shown: list[Shown] = []
+        self._waiting: dict[str, list[tuple[TrackedFrame, Tracker, int]]] = {}
+        self._counts: dict[str, int] = {}
+        self._sent = -math.inf
+
+    def __enter__(self) -> LiveViewer:
+        with self._stack:
+            address = self._connect or DEFAULT_ADDRESS
+            if self._connect is None:
+                port = free_port()
+                window = viewer("--port", str(port), "--hide-welcome-screen")
+                self._process = self._stack.enter_context(window)
+                wait_for(self._process, port)
+                address = grpc_address(port)
+            self._recording = self._stack.enter_context(connected(address, self._process))
+            self._stack = self._stack.pop_all()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        try:
+            self.flush()
+        finally:
+            self._stack.close()
+
+    @property
+    def open(self) -> bool:
+        """Whether the viewer is there, as far as that is known."""
+        return self._process is None or self._process.poll() is None
+
+    def step(self, frame: TrackedFrame, tracker: Tracker, name: str = "") -> None:
+        """Show what `Tracker.step` said.
+
+        Args:
+            frame: its result.
+            tracker: the tracker, for its model and settings.
+            name: the hand's place in the viewer; "right" or "left" by default.
+        """
+        name = name or tracker.model.hand
+        number = self._counts[name] = self._counts.get(name, 0) + 1
+        self._waiting.setdefault(name, []).append((frame, tracker, number - 1))
+        if time.monotonic() - self._sent >= TICK_S:
+            self.flush()
+
+    def flush(self) -> None:
+        """Send what waits."""
+        from handtrack.tracking.tracker import track_of_frames
+
+        for name, waiting in self._waiting.items():
+            frames = [frame for frame, _, _ in waiting]
+            tracker = waiting[0][1]
+            numbers = [number for _, _, number in waiting]
+            model, settings = tracker.model, tracker.settings
+            self.add(track_of_frames(frames, model, settings, name=name, frame_index=numbers), name)
+        self._waiting.clear()
+        self._sent = time.monotonic()
+
+    def add(self, part: Track, name: str) -> None:
+        """Show the next frames of the hand that is called so, in order of time."""
+        if self._recording is None or not len(part) or not self.open:
+            return
+        if name not in self._hands:
+            shown = Shown(part, name, number=len(self._shown))
+            self._shown.append(shown)
+            # all hands on the clock of the first
+            origin = origin_ns([self._shown[0].track])
+            view = eye(self._seen) if self._seen else eye([Seen.of(part)]).farther(2.0)
+            self._recording.send_blueprint(blueprint(self._shown, follow=True, view=view))
+            self._hands[name] = HandLog(self._recording, shown, origin, self._mesh)
+            self._hands[name].begin()
+        self._hands[name].add(part)
+
+    def wait(self) -> None:
+        """Until the window is closed, or Ctrl-C; at once where the viewer is somebody else's."""
+        self.flush()
+        if self._process is not None:
+            try:
+                self._process.wait()
+            except KeyboardInterrupt:
+                # how a user says that it is enough
+                return
 
 
 def stream(

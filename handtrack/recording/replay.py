@@ -157,7 +157,8 @@ class _Show:
         """To a viewer, as long as its process runs, if that is known."""
         follow = self.speed is not None
         arranged = blueprint(self.hands, side_by_side=self._side_by_side, follow=follow)
-        with connected(address, arranged) as recording:
+        with connected(address, process) as recording:
+            recording.send_blueprint(arranged)
             if self.speed is None:
                 log_hands(recording, self.hands, mesh=self._mesh, limits=self._limits)
             else:
