@@ -1,0 +1,143 @@
+"""Pictures that a real viewer draws, without a screen: the hand is there, and it moves.
+
+Where HANDTRACK_PICTURES names a folder the pictures are kept there.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from made_tracks import make_track
+
+import handtrack as ht
+from handtrack.recording.live import LiveViewer
+from handtrack.recording.mcap_io import write_mcap
+from handtrack.recording.replay import replay
+
+DRIVERS = ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d")
+pytestmark = pytest.mark.skipif(
+    not any(Path(folder).glob("*.json") for folder in DRIVERS),
+    reason="no Vulkan driver (Debian: mesa-vulkan-drivers)",
+)
+
+SKIN, RUN = (226, 178, 148), (141, 178, 214)
+"""Tints of the first and of the second hand."""
+
+
+class Screen:
+    """A viewer without a screen."""
+
+    def __init__(self, client: Any, port: int) -> None:
+        self._client = client
+        self.address = f"127.0.0.1:{port}"
+
+    def picture(self, name: str = "") -> np.ndarray:
+        """(height, width, 3) of what the viewer shows."""
+        image = pytest.importorskip("PIL.Image")
+        data = self._client.take_screenshot(max_size=960)
+        if name and (folder := os.environ.get("HANDTRACK_PICTURES")):
+            Path(folder).mkdir(parents=True, exist_ok=True)
+            (Path(folder) / f"{name}.png").write_bytes(data)
+        return np.asarray(image.open(io.BytesIO(data)).convert("RGB"), int)
+
+    def until(self, there: Callable[[np.ndarray], bool], seconds: float = 30) -> np.ndarray:
+        """The first picture that shows something, or the last one."""
+        deadline = time.monotonic() + seconds
+        picture = self.picture()
+        while not there(picture) and time.monotonic() < deadline:
+            time.sleep(0.1)
+            picture = self.picture()
+        return picture
+
+
+@pytest.fixture(scope="module")
+def screen() -> Iterator[Screen]:
+    from rerun.experimental import ViewerClient
+
+    # the viewer is started by name: the one beside this interpreter
+    path = os.environ["PATH"]
+    os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{path}"
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    try:
+        with ViewerClient.spawn(headless=True, port=port, hide_welcome_screen=True) as client:
+            yield Screen(client, port)
+    finally:
+        os.environ["PATH"] = path
+
+
+def tinted(picture: np.ndarray, tint: tuple[int, int, int]) -> np.ndarray:
+    """Where the 3D view, the left half, has a colour of a lit tint: bright, and of its hue."""
+    half = picture[:, : picture.shape[1] // 2]
+    brightness = half.max(-1)
+    hue = half / np.maximum(brightness, 1)[..., None]
+    off = np.abs(hue - np.array(tint) / max(tint)).max(-1)
+    return (brightness > 70) & (off < 0.12)
+
+
+def test_a_hand_in_recorded_time_is_seen_and_moves(screen: Screen, tmp_path: Path) -> None:
+    """`replay --connect --speed`: the viewer follows what comes."""
+    recording = write_mcap(make_track(150, lost=slice(0)), tmp_path / "run.mcap", mesh=False)
+    arguments: dict[str, Any] = {"connect": screen.address, "speed": 1.0}
+    sending = threading.Thread(target=replay, args=(recording,), kwargs=arguments)
+    sending.start()
+    try:
+        first = tinted(screen.until(lambda p: tinted(p, SKIN).mean() > 0.03), SKIN)
+        assert first.mean() > 0.03
+        # the silhouette of a hand that opens and turns: a good part of it is elsewhere soon
+        moved = tinted(screen.until(lambda p: change(first, tinted(p, SKIN)) > 0.2), SKIN)
+        assert moved.mean() > 0.03
+        assert change(first, moved) > 0.2
+    finally:
+        sending.join()
+    screen.picture("recorded-time")
+
+
+def change(a: np.ndarray, b: np.ndarray) -> float:
+    """Share of the pixels of two silhouettes that only one of them has."""
+    return float((a ^ b).sum() / max(1, (a | b).sum()))
+
+
+def test_a_hand_is_seen_while_it_is_tracked(screen: Screen, sample: ht.Sequence) -> None:
+    model = ht.calibrate(ht.HandModel.default("right"), sample).model
+    tracker = ht.Tracker(model, filter="kalman")
+    before = tinted(screen.picture(), SKIN)
+
+    def there(picture: np.ndarray) -> bool:
+        """A hand, and not the one that the viewer showed already."""
+        skin = tinted(picture, SKIN)
+        return bool(skin.mean() > 0.03 and change(before, skin) > 0.2)
+
+    with LiveViewer(screen.address) as viewer:
+        for joints, time_ns in zip(sample.joints[:30], sample.time_ns[:30], strict=True):
+            viewer.step(tracker.step(joints, int(time_ns)), tracker)
+        viewer.flush()
+        assert there(screen.until(there))
+    screen.picture("live")
+
+
+def test_two_runs_side_by_side_have_their_colours(screen: Screen, tmp_path: Path) -> None:
+    track = make_track(10, lost=slice(0))
+    files = [write_mcap(track, tmp_path / f"{name}.mcap", mesh=False) for name in "ab"]
+    replay(files, connect=screen.address, offset_m=0.22)
+
+    def there(picture: np.ndarray) -> bool:
+        return all(tinted(picture, tint).mean() > 0.01 for tint in (SKIN, RUN))
+
+    picture = screen.until(there)
+    assert there(picture)
+    # the second run is to the right of the first
+    columns = [np.flatnonzero(tinted(picture, tint).any(0)).mean() for tint in (SKIN, RUN)]
+    assert columns[0] + 30 < columns[1]
+    screen.picture("compared")
