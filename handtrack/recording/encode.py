@@ -66,6 +66,7 @@ def hand_message(track: Track) -> bytes:
     out.limits_upper.extend(model.limits.upper)
     out.rest_joints.extend(model.rest_joints.ravel())
     out.axes.extend(model.axes.ravel())
+    out.shape.extend(model.shape)
     out.faces.extend(track.faces.ravel())
     out.n_vertices = track.n_vertices
     if not model.licensed:

@@ -200,4 +200,5 @@ def _model(message: Any) -> HandModel:
         rows("weights", N_PARTS),
         thumb_twist=message.thumb_twist,
         licensed=message.licensed,
+        shape=rows("shape"),
     )

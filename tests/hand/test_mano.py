@@ -6,6 +6,7 @@ import importlib.util
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -103,8 +104,6 @@ def test_poses_come_back(mano):
 
 
 def test_poses_of_a_twisting_thumb_come_back(mano):
-    from dataclasses import replace
-
     model = replace(mano.model(), thumb_twist=0.6)
     angles, _, _ = poses(model, 50, 3)
     back = from_mano(model, to_mano(model, angles).values)
@@ -312,3 +311,26 @@ def test_a_left_hand_with_the_rights_signs_is_repaired(maker, contents, tmp_path
         true = MANO.load(mano_folder, "left")
     assert np.abs(true.shape_basis - repaired.shape_basis).max() < 1e-15
     assert np.abs(true.shape_basis - wrong.shape_basis).max() > 1e-3
+
+
+def test_recorded_poses_make_the_recorded_surface(mano, contents, hand, sample, tmp_path):
+    """MCAP and .npz of a fitted MANO hand: the equations, fed with them, give its meshes."""
+    from handtrack.recording.export.arrays import arrays
+
+    sequence = sample.frames(0, 4)
+    if hand == "left":
+        sequence = replace(sequence, joints=sequence.joints * [1, -1, 1], truth=None, hand="left")
+    track = ht.track(sequence, mano.model(BETAS), calibrate=False)
+    # a hand that was scaled is no longer one of MANO's shapes
+    assert not arrays(track)["mano_betas"].size
+    track = replace(track, model=mano.model(BETAS))
+    ht.write_mcap([track], tmp_path / "x.mcap")
+    (again,) = ht.read_mcap(tmp_path / "x.mcap")
+    made = arrays(again)
+    assert "rest_vertices_m" not in made
+    for i in range(5):
+        pose = np.concatenate([made["mano_global_orient_rad"][i], made["mano_hand_pose_rad"][i]])
+        vertices, _ = by_the_equations(
+            contents[hand], made["mano_betas"], pose, made["mano_transl_m"][i]
+        )
+        assert np.abs(vertices - again.vertices()[i]).max() < 1e-6

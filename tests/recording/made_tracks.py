@@ -36,6 +36,7 @@ def with_skin(model: HandModel, sides: int = 8, rings: int = 5) -> HandModel:
     return dataclasses.replace(
         model,
         thumb_twist=0.125,
+        shape=np.array([0.5, -1.25]),
         rest_vertices=np.concatenate(vertices),
         faces=np.array(faces, np.int32),
         weights=np.concatenate(weights),

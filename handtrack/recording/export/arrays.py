@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from handtrack.hand.mano_pose import to_mano
+from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES, PARENTS, PART_NAMES
 from handtrack.tracking.track import Track
 
@@ -60,6 +62,16 @@ def arrays(track: Track) -> dict[str, Any]:
     }
     if track.truth is not None:
         made["truth_m"] = track.truth
+    if model.name == "mano":
+        pose = to_mano(
+            model, track.angles, quaternion_to_matrix(track.quaternion), track.translation
+        )
+        made |= {
+            "mano_global_orient_rad": pose.global_orient,
+            "mano_hand_pose_rad": pose.hand_pose,
+            "mano_transl_m": pose.transl,
+            "mano_betas": pose.betas,
+        }
     if len(model.rest_vertices) and not model.licensed:
         made |= {
             "rest_vertices_m": model.rest_vertices,
