@@ -25,6 +25,7 @@ from handtrack.errors import HandtrackError, SettingsError
 
 if TYPE_CHECKING:
     from handtrack import Track
+    from handtrack.recording.picture_log import PictureView
     from handtrack.video.detections import Detections
 
 
@@ -120,7 +121,9 @@ def track(
                 if job.rrd is not None:
                     progress.says(f"writing {job.rrd}")
                     job.rrd.parent.mkdir(parents=True, exist_ok=True)
-                    ht.log_rerun(made, save=job.rrd, mesh=recording["mesh"] != "none")
+                    shown = _pictures(made, found)
+                    mesh = recording["mesh"] != "none"
+                    ht.log_rerun(made, save=job.rrd, mesh=mesh, pictures=shown)
                     progress.says("tracking")
                 tracks += made
                 written += job.files
@@ -171,3 +174,12 @@ def _check_fitted(track: Track) -> None:
     """
     if (track.status == "lost").all():
         raise HandtrackError(f"{track.source}: no frame could be fitted: {track.reason[0]}")
+
+
+def _pictures(tracks: list[Track], found: Detections | None) -> list[PictureView]:
+    """What the viewer shows of a video beside its hands."""
+    if found is None:
+        return []
+    from handtrack.video.viewer_pictures import picture_view
+
+    return [picture_view(Path(found.source), tracks, found)]

@@ -21,6 +21,7 @@ def blueprint(
     side_by_side: bool = False,
     follow: bool = False,
     view: Eye | None = None,
+    pictures: Sequence[str] = (),
 ) -> rrb.Blueprint:
     """The 3D view at the left; the angles by finger, the errors and the log at the right.
 
@@ -29,6 +30,7 @@ def blueprint(
         side_by_side: a 3D view for each recording, instead of one for all.
         follow: stay at the time that came last.
         view: where to look from; as shows all of the motion by default.
+        pictures: names of cameras whose pictures are shown below the hands.
     """
     import rerun.blueprint as rrb
     from rerun.blueprint.encodings import TextLogColumnKind as Column
@@ -52,9 +54,13 @@ def blueprint(
         # whose line it is matters only where there are several
         columns=rrb.TextLogColumns(text_log_columns=columns if len(hands) > 1 else columns[1:]),
     )
+    left: rrb.Container | rrb.View = rrb.Horizontal(*worlds) if len(worlds) > 1 else worlds[0]
+    if pictures:
+        cameras = [rrb.Spatial2DView(origin=f"pictures/{name}", name=name) for name in pictures]
+        left = rrb.Vertical(left, rrb.Horizontal(*cameras), row_shares=[3, 2])
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Horizontal(*worlds) if len(worlds) > 1 else worlds[0],
+            left,
             rrb.Vertical(
                 plots[0] if len(plots) == 1 else rrb.Tabs(*plots),
                 rrb.Horizontal(status, log, column_shares=[1, 2]),

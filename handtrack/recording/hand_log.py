@@ -29,6 +29,17 @@ ROWS = 4096
 """Rows of all else that are sent at a time: the viewer looks through few of them for a frame."""
 
 
+def indexes(frames: NDArray[np.int64], time_ns: NDArray[np.int64], origin: int | None) -> list[Any]:
+    """The time columns of frames (T,) at time_ns (T,): since the origin, or dates without one."""
+    import rerun as rr
+
+    if origin is None:
+        time = rr.TimeColumn("time", timestamp=time_ns.astype("datetime64[ns]"))
+    else:
+        time = rr.TimeColumn("time", duration=(time_ns - origin).astype("timedelta64[ns]"))
+    return [rr.TimeColumn("frame", sequence=frames), time]
+
+
 class HandLog:
     """Sends a hand to a recording: `begin` once, then `add` for every stretch of its frames.
 
@@ -133,20 +144,10 @@ class HandLog:
     def _static(self, entity: str, archetype: Any) -> None:
         self._recording.log(entity, archetype, static=True)
 
-    def _indexes(self, frames: NDArray[np.int64], time_ns: NDArray[np.int64]) -> list[Any]:
-        import rerun as rr
-
-        if self._origin is None:
-            time = rr.TimeColumn("time", timestamp=time_ns.astype("datetime64[ns]"))
-        else:
-            since = (time_ns - self._origin).astype("timedelta64[ns]")
-            time = rr.TimeColumn("time", duration=since)
-        return [rr.TimeColumn("frame", sequence=frames), time]
-
     def _send(self, part: Track, entity: str, columns: Any, rows: Any = slice(None)) -> None:
         """Columns of the part's frames `rows`."""
-        indexes = self._indexes(part.frame_index[rows], part.time_ns[rows])
-        self._recording.send_columns(entity, indexes, columns)
+        times = indexes(part.frame_index[rows], part.time_ns[rows], self._origin)
+        self._recording.send_columns(entity, times, columns)
 
     def _descriptions(self) -> list[Any]:
         """What the skeletons are called, their colours and bones."""
@@ -275,8 +276,8 @@ class HandLog:
         row = np.clip(np.searchsorted(part.time_ns, time_ns, "right") - 1, 0, None)
         levels = ["WARN" if line.level == "warning" else "INFO" for line in lines]
         columns = rr.TextLog.columns(text=[line.text for line in lines], level=levels)
-        indexes = self._indexes(part.frame_index[row], time_ns)
-        self._recording.send_columns(f"log/{self._hand.topic}", indexes, columns)
+        times = indexes(part.frame_index[row], time_ns, self._origin)
+        self._recording.send_columns(f"log/{self._hand.topic}", times, columns)
 
 
 def batches(frames: int, size: int) -> Iterator[slice]:

@@ -13,7 +13,8 @@ from handtrack.hand.limits import Limits
 from handtrack.recording import viewer_style as style
 from handtrack.recording.blueprint import blueprint
 from handtrack.recording.distances import mean_and_max
-from handtrack.recording.hand_log import HandLog
+from handtrack.recording.hand_log import HandLog, indexes
+from handtrack.recording.picture_log import PictureView, log_pictures
 from handtrack.recording.rrd_file import rrd_file
 from handtrack.recording.shown import Run, Shown, counterpart, origin_ns, shown
 from handtrack.recording.whole_file import whole_file
@@ -31,6 +32,7 @@ def log_rerun(
     recording: rr.RecordingStream | None = None,
     save: str | Path | None = None,
     mesh: bool = True,
+    pictures: Sequence[PictureView] = (),
 ) -> Path | None:
     """Show tracks in Rerun, or save them as an .rrd file that opens well arranged.
 
@@ -44,6 +46,7 @@ def log_rerun(
         recording: where to log; Rerun's active recording if neither this nor `save` is given.
         save: an .rrd file to write instead; it takes its name only once it is complete.
         mesh: draw the skin, where the model has one.
+        pictures: what cameras saw, shown beside the hands.
 
     Returns:
         The file written, if any.
@@ -62,12 +65,12 @@ def log_rerun(
     if save is not None:
         if recording is not None:
             raise SettingsError("give a recording or a file to save, not both")
-        return save_hands(hands, Path(save), mesh=mesh)
+        return save_hands(hands, Path(save), mesh=mesh, pictures=pictures)
     recording = recording or rr.get_data_recording()
     if recording is None:
         raise SettingsError("no Rerun recording is active: give one, or a file to save")
-    recording.send_blueprint(blueprint(hands))
-    log_hands(recording, hands, mesh=mesh)
+    recording.send_blueprint(blueprint(hands, pictures=[view.name for view in pictures]))
+    log_hands(recording, hands, mesh=mesh, pictures=pictures)
     recording.flush()
     return None
 
@@ -79,11 +82,13 @@ def save_hands(
     mesh: bool = True,
     limits: Limits | None = None,
     side_by_side: bool = False,
+    pictures: Sequence[PictureView] = (),
 ) -> Path:
     """Write hands to an .rrd file; arguments and errors as of `log_rerun` and `blueprint`."""
-    arranged = blueprint(hands, side_by_side=side_by_side)
+    names = [view.name for view in pictures]
+    arranged = blueprint(hands, side_by_side=side_by_side, pictures=names)
     with whole_file(path) as part, rrd_file(part, APPLICATION, arranged) as file:
-        log_hands(file, hands, mesh=mesh, limits=limits)
+        log_hands(file, hands, mesh=mesh, limits=limits, pictures=pictures)
     return path
 
 
@@ -93,9 +98,11 @@ def log_hands(
     *,
     mesh: bool = True,
     limits: Limits | None = None,
+    pictures: Sequence[PictureView] = (),
 ) -> None:
     """Send hands whole, and how far those of later runs are from those of the first."""
     origin = origin_ns([hand.track for hand in hands])
+    log_pictures(recording, pictures, lambda frame, time: indexes(frame, time, origin))
     for hand in hands:
         log = HandLog(recording, hand, origin, mesh, limits)
         log.begin()

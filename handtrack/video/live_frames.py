@@ -19,6 +19,7 @@ import numpy as np
 
 from handtrack.errors import HandtrackError, InputError, SettingsError
 from handtrack.video.media import Picture, pictures
+from handtrack.video.optional import opencv
 
 _Item = TypeVar("_Item")
 
@@ -118,13 +119,7 @@ def camera(index: int) -> Newest[Picture]:
     """
 
     def fill(queue: Newest[Picture]) -> None:
-        try:
-            import cv2
-        except ImportError:
-            raise SettingsError(
-                "a live camera needs OpenCV: pip install 'handtrack[video]'"
-            ) from None
-        device = cv2.VideoCapture(index)
+        device = opencv().VideoCapture(index)
         where = Path(f"camera {index}")
         if not device.isOpened():
             raise InputError("there is no such camera, or it is in use", where)

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from handtrack.cameras.camera import Camera
 from handtrack.errors import HandtrackError, SettingsError
-from handtrack.hand.skeleton import BONES, N_JOINTS
+from handtrack.hand.skeleton import BONES
 from handtrack.recording.whole_file import whole_file
 from handtrack.tracking.track import Track
 from handtrack.video.detections import Detections
 from handtrack.video.media import Picture, pictures
-from handtrack.video.placing import assumed_camera, place_in_view
+from handtrack.video.optional import opencv
+from handtrack.video.placing import assumed_camera, place_in_view, seen_of
 
 Array = NDArray[np.float64]
 Rgb = NDArray[np.uint8]
@@ -52,7 +53,7 @@ def draw(rgb: Rgb, camera: Camera, hands: list[Drawn]) -> Rgb:
 
     Triangles that face the camera are painted from the farthest to the nearest.
     """
-    cv2 = _opencv()
+    cv2 = opencv()
     skin = rgb.copy()
     painted: list[tuple[float, Array, tuple[int, int, int]]] = []
     for hand in hands:
@@ -117,7 +118,7 @@ def overlay(
     camera = camera or assumed_camera(found.size)
     by_frame: dict[int, list[Drawn]] = {}
     for track in tracks:
-        image = _seen_of(track, found)
+        image = seen_of(track, found)
         angles, rotation, translation = place_in_view(track, image, camera)
         joints = track.model.joints(angles, rotation, translation)
         for t in np.flatnonzero(np.isfinite(translation[:, 0])):
@@ -129,17 +130,6 @@ def overlay(
         return draw(picture.rgb, camera, by_frame.get(picture.index, []))
 
     write_overlay(path, source, draw_on, progress)
-
-
-def _seen_of(track: Track, found: Detections) -> Array:
-    """(T, 21, 2) what the detector saw of a track's hand, whatever it was called then."""
-    out = np.full((len(track), N_JOINTS, 2), np.nan)
-    row = {int(frame): t for t, frame in enumerate(found.frame_index)}
-    rows = np.array([row[int(frame)] for frame in track.frame_index])
-    for hand in found.hands:
-        same = (found.world[hand][rows] == track.observed).all((1, 2))
-        out[same] = found.image[hand][rows][same]
-    return out
 
 
 def write_overlay(
@@ -172,7 +162,7 @@ def write_overlay(
 
 
 def _write_png(path: Path, rgb: Rgb) -> None:
-    cv2 = _opencv()
+    cv2 = opencv()
     done, data = cv2.imencode(".png", rgb[..., ::-1])
     if not done:
         raise HandtrackError(f"{path}: the picture cannot be encoded")
@@ -205,13 +195,3 @@ def _write_mp4(
             if progress is not None:
                 progress(n)
         container.mux(stream.encode())
-
-
-def _opencv() -> Any:
-    try:
-        import cv2
-    except ImportError:
-        raise SettingsError(
-            "drawing into pictures needs OpenCV: pip install 'handtrack[video]'"
-        ) from None
-    return cv2
