@@ -18,8 +18,7 @@ ALLOWED = {
     "errors": set(),
     "hand.skeleton": set(),
     "hand": {"errors", "hand.skeleton"},
-    # readers of pickles and of MANO parameters need hand's unpickler and its MANO
-    "sequences": {"errors", "hand.skeleton", "hand"},
+    "sequences": {"errors", "hand.skeleton"},
     # Sequence is one of the things that travel; its readers are not
     "sequences.sequence": {"errors", "hand.skeleton"},
     "cameras": {"errors", "hand.skeleton", "hand"},

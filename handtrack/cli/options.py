@@ -59,6 +59,15 @@ def take_recording(options: dict[str, Any]) -> dict[str, Any]:
     return taken
 
 
+class _Factor(click.ParamType[Any]):
+    """auto, or a number."""
+
+    name = "factor"
+
+    def convert(self, value: Any, param: Any, context: Any) -> Any:
+        return value if value == "auto" else click.FLOAT.convert(value, param, context)
+
+
 _TRACKING = {
     "limits": click.option(
         "--limits",
@@ -81,10 +90,32 @@ _TRACKING = {
     ),
     "filter": click.option(
         "--filter",
-        type=click.Choice(["none", "kalman"]),
+        type=click.Choice(["none", "kalman", "one-euro", "fixed-lag", "rts"]),
         default="none",
         show_default=True,
-        help="Steady the angles over time.",
+        help="Steady the poses: frame by frame (kalman, one-euro), by the next frames too"
+        " (fixed-lag), or by the whole sequence (rts).",
+    ),
+    "lag": click.option(
+        "--lag",
+        type=click.IntRange(0, 1000),
+        default=2,
+        show_default=True,
+        metavar="FRAMES",
+        help="How many frames fixed-lag waits.",
+    ),
+    "process_noise": click.option(
+        "--process-noise",
+        type=_Factor(),
+        default="auto",
+        show_default=True,
+        metavar="auto|FACTOR",
+        help="How wildly the hand moves: learnt, or a factor on usual accelerations.",
+    ),
+    "couple": click.option(
+        "--couple/--no-couple",
+        default=True,
+        help="Let the filter's prediction enter the fit (default), or filter the fits.",
     ),
 }
 """How to track, by the argument of `handtrack.track` that it sets; `limits` are the model's.

@@ -67,9 +67,8 @@ def track(
     import handtrack as ht
 
     settings, recording = take_tracking(options), take_recording(options)
-    mano = {name: options[name] for name in ("mano", "mano_tips")}
     models = take_models(options, settings.pop("limits"))
-    reading = Reading(**options, **mano)
+    reading = Reading(**options)
     found = reading.detect(input, quiet or as_json)
     if overlay is not None:
         _check_overlay(overlay, input, found)
@@ -91,8 +90,11 @@ def track(
         progress_shown(sum(map(len, sequences)), silent) as progress,
     ):
         from handtrack.fitting.bcd import warm_up
+        from handtrack.tracking import filters
 
         warm_up()
+        steady = ("filter", "lag", "process_noise", "couple")
+        filters.warm_up(filters.FilterSettings(*(settings[name] for name in steady)))
         update = settings["update"]
         if update != "exact":  # a solver that is loaded, or compiled, when it is asked for
             ht.fit(hand := ht.HandModel.default(), hand.rest_joints, update=update)

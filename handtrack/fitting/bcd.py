@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.fitting import bends, covariance, frames, lanes
+from handtrack.fitting import covariance, frames, lanes
 from handtrack.fitting import newton as solve
 from handtrack.fitting.compiled import compile_beside
 from handtrack.hand.model import HandModel
@@ -180,10 +180,8 @@ class Program:
             from handtrack.fitting.descent import bcd_exact as bcd
         else:
             from handtrack.fitting.li2021 import bcd_li2021 as bcd
-        newton = other = 0
-        if (update, method) == ("exact", "newton"):
-            newton, other = solve.newton.address, bends.other_bends.address
-        self.solvers = (bcd.address, newton, other, covariance.unit_covariance.address)
+        newton = solve.newton.address if (update, method) == ("exact", "newton") else 0
+        self.solvers = (bcd.address, newton, covariance.unit_covariance.address)
         # reweighting converges linearly: let it come as near
         share = tolerance if robust == "none" else 1e-2 * tolerance
         self.settings = (
@@ -337,6 +335,11 @@ _NUMBERS = slice(frames.OUT_OBJECTIVE, frames.OUT_VARIANCE)
 _VARIANCE = slice(frames.OUT_VARIANCE, frames.OUT_SIZE)
 
 
+def pose_of(row: Array) -> tuple[Array, Array, Array, Array]:
+    """Angles, quaternion, translation and joints of a row of results, as views."""
+    return row[_ANGLES], row[_QUATERNION], row[_SHIFT], row[_JOINTS].reshape(N_JOINTS, 3)
+
+
 _DIAGONAL = (np.arange(N_ANGLES), np.arange(N_ANGLES))
 
 
@@ -417,11 +420,7 @@ def warm_up() -> None:
     beside = None
     if not (solve.newton.cached or descent.bcd_exact.cached):
         beside = compile_beside(
-            {
-                descent.__name__: "bcd_exact",
-                bends.__name__: "other_bends",
-                covariance.__name__: "unit_covariance",
-            }
+            {descent.__name__: "bcd_exact", covariance.__name__: "unit_covariance"}
         )
     model = HandModel.default()
     ready = [solve.newton.address]
@@ -429,7 +428,7 @@ def warm_up() -> None:
     none = np.empty((0, N_JOINTS, 3)), np.empty((0, N_JOINTS))
     settings = (0, 1, 1, 0.0, lanes.NO_LOSS, 0.0, 0.0, 1, 0)
     arrays = (model.mean_angles, start_at(model), *none, Results(0).rows, Results(0).covariance)
-    frames.fit_frames(constants(model), (0, 0, 0, 0), settings, *arrays)
+    frames.fit_frames(constants(model), (0, 0, 0), settings, *arrays)
     if beside is not None:
         beside.wait()
     ready += [descent.bcd_exact.address, covariance.unit_covariance.address]

@@ -332,8 +332,7 @@ def descent(update_finger):
     return descend
 
 
-update_finger_exact = finger_pass(saddle_exact, hinge_exact)
-_descend = descent(update_finger_exact)
+_descend = descent(finger_pass(saddle_exact, hinge_exact))
 
 
 @Solver

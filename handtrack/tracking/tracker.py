@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,10 +17,11 @@ from handtrack.fitting import bcd, lanes
 from handtrack.fitting.calibrate import calibrate as calibrate_hand
 from handtrack.fitting.calibrate import scale_to
 from handtrack.hand.model import HandModel
-from handtrack.hand.rotations import matrix_to_quaternion
-from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
+from handtrack.hand.skeleton import N_JOINTS
 from handtrack.sequences.sequence import Remark, Sequence
-from handtrack.tracking.filters import Pose, make_filter
+from handtrack.tracking.filter_settings import LAG, FilterSettings
+from handtrack.tracking.filters import make_filter
+from handtrack.tracking.kalman import Frames
 from handtrack.tracking.track import Event, Track
 
 Array = NDArray[np.float64]
@@ -29,21 +31,8 @@ MIN_JOINTS = 6
 COAST_S = 0.3
 """How long a filter may predict frames that cannot be fitted."""
 
-# how much of the noise estimate each new frame makes up
-_NOISE_GAIN = 0.1
-# no measurement is better than a tenth of a millimetre, or a tenth of a degree
-_NOISE_FLOOR = 1e-8
-_ANGLE_FLOOR = 3e-6
-_DIAGONAL = (np.arange(N_ANGLES), np.arange(N_ANGLES))
 # frames that are fitted at once in a whole sequence
 _CHUNK = 256
-
-# pose, quaternion and joints that are not known
-_NOWHERE = (
-    Pose(np.full(N_ANGLES, np.nan), np.full((3, 3), np.nan), np.full(3, np.nan)),
-    np.full(4, np.nan),
-    np.full((N_JOINTS, 3), np.nan),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +61,8 @@ class Tracker:
     """Tracks one hand, one frame at a time.
 
     Every fit starts from the last raw fit; after frames that were lost it starts again, from
-    the mean pose and from the last pose, and keeps the better. The filter sits outside the
-    fit's loop. Giving the frames of a sequence one by one is the same as `track`.
+    the mean pose and from the last pose, and keeps the better. What the filter makes of a frame
+    is never where a fit starts. Giving the frames of a sequence one by one is the same as `track`.
     """
 
     def __init__(
@@ -83,42 +72,53 @@ class Tracker:
         update: bcd.Update = "exact",
         min_joints: int = MIN_JOINTS,
         coast_s: float = COAST_S,
-        process_noise: float = 1.0,
+        process_noise: float | Literal["auto"] = "auto",
+        couple: bool = True,
+        lag: int = LAG,
+        noise_mm: float | None = None,
+        engine: str = "compiled",
     ):
         """Args:
         model: the hand to fit.
-        filter: "none" or "kalman".
+        filter: "none", "kalman", "one-euro", "fixed-lag" or "rts".
         update: as in `handtrack.fit`.
         min_joints: a frame with fewer observed joints is not fitted.
         coast_s: how long a filter predicts where nothing is fitted [s].
-        process_noise: factor on the accelerations that the filter expects.
+        process_noise, couple, lag, noise_mm, engine: of the filter, as in `FilterSettings`.
 
         Raises:
             SettingsError: a value makes no sense.
         """
         if not 3 <= min_joints <= N_JOINTS:
             raise SettingsError(f"min_joints is {min_joints}, expected 3..21")
-        if not coast_s >= 0:
+        if not 0 <= coast_s <= 1e6:
             raise SettingsError(f"coast_s is {coast_s}, expected at least 0 s")
         self.model = model
+        steady = FilterSettings(filter, lag, process_noise, couple, noise_mm, engine)
         self.settings: dict[str, Any] = {
             "filter": filter,
             "update": update,
             "min_joints": min_joints,
             "coast_s": coast_s,
             "process_noise": process_noise,
+            "couple": couple,
+            "lag": lag,
+            "noise_mm": noise_mm,
+            "engine": engine,
         }
-        self._program = bcd.Program(update)
-        self._filter = make_filter(filter, model.limits, process_noise)
+        self._program = bcd.Program(update, noise_mm=noise_mm)
+        self._filter = make_filter(steady, model, coast_s)
+        self._waits = filter in ("fixed-lag", "rts")
+        self._waiting: deque[tuple[int, Array, Array, bcd.Results, int]] = deque()
         self.reset()
 
     def reset(self) -> None:
         """Forget all frames seen, as if the tracker were new."""
-        self._filter.reset()
+        if self._filter is not None:
+            self._filter.reset()
+        self._waiting.clear()
         self._keep = bcd.start_at(self.model)
         self._time_ns: int | None = None
-        self._fitted_ns: int | None = None
-        self._noise: float | None = None
 
     def step(
         self, joints: ArrayLike, time_ns: int, confidence: ArrayLike | None = None
@@ -136,9 +136,32 @@ class Tracker:
 
         Raises:
             InputError: wrong shapes or values, or time that does not increase.
+            SettingsError: the filter waits for later frames; there are `push` and `finish`.
+        """
+        if self._waits:
+            raise SettingsError(
+                f"filter {self.settings['filter']} waits for later frames:"
+                " give it frames by push(), and finish()"
+            )
+        return self.push(joints, time_ns, confidence)[0]
+
+    def push(
+        self, joints: ArrayLike, time_ns: int, confidence: ArrayLike | None = None
+    ) -> list[TrackedFrame]:
+        """As `step`, for any filter.
+
+        Returns:
+            The frames that are final now, in order: this one; or an earlier one, or none yet,
+            where the filter waits.
         """
         observed, w = bcd.observations(joints, confidence)
-        return self._advance((int(time_ns),), observed, w)[0]
+        return self._advance((int(time_ns),), observed, w)
+
+    def finish(self) -> list[TrackedFrame]:
+        """The frames that the filter has not given yet; it is as new then."""
+        if self._filter is None:
+            return []
+        return self._given(*self._filter.finish())
 
     def _advance(
         self, times_ns: list[int] | tuple[int, ...], observed: Array, w: Array
@@ -152,19 +175,36 @@ class Tracker:
                 f"time does not increase: the last frame was at {self._time_ns * 1e-9:.6f} s,"
                 f" this one is at {times_ns[0] * 1e-9:.6f} s"
             )
-        results = bcd.Results(len(times_ns), full=self.settings["filter"] != "none")
+        results = bcd.Results(len(times_ns), full=False)
         model, least = self.model, self.settings["min_joints"]
         results.run(self._program, model, observed, w, self._keep, model.mean_angles, least)
+        self._time_ns = times_ns[-1]
+        frames = ((time_ns, observed[t], w[t], results, t) for t, time_ns in enumerate(times_ns))
+        if self._filter is None:
+            return [self._frame(*frame, None, False) for frame in frames]
+        self._waiting.extend(frames)
+        return self._given(
+            *self._filter.advance(Frames(np.array(times_ns), observed, w, results.rows))
+        )
+
+    def _given(self, rows: Array, known: NDArray[np.bool_]) -> list[TrackedFrame]:
+        """The next frames that wait, with what the filter makes of them."""
         return [
-            self._frame(time_ns, observed[t], w[t], results, t)
-            for t, time_ns in enumerate(times_ns)
+            self._frame(*self._waiting.popleft(), row, known_)
+            for row, known_ in zip(rows, known.tolist(), strict=True)
         ]
 
     def _frame(
-        self, time_ns: int, observed: Array, w: Array, results: bcd.Results, t: int
+        self,
+        time_ns: int,
+        observed: Array,
+        w: Array,
+        results: bcd.Results,
+        t: int,
+        filtered: Array | None,
+        known: bool,
     ) -> TrackedFrame:
         row = results.row(t)
-        raw = Pose(row.angles, row.rotation, row.translation)
         fitted = not math.isnan(row.objective)
         reason = ""
         if row.state == lanes.TOO_FEW:
@@ -173,62 +213,26 @@ class Tracker:
             reason = "the observed joints lie on a line"
         elif row.state != lanes.CONVERGED:
             reason = bcd.STATUS[row.state]
-        pose, q, filtered_joints = raw, row.quaternion, row.joints
-        status = "fitted" if fitted else "lost"
-        if self.settings["filter"] != "none":
-            covariance = results.covariance[t] if fitted else None
-            filtered = self._filtered(time_ns, raw, covariance, row.noise)
-            pose, q, filtered_joints = _NOWHERE
-            if filtered is not None:
-                pose, q = filtered, matrix_to_quaternion(filtered.rotation)
-                filtered_joints = self.model.joints(*filtered)
-                status = "fitted" if fitted else "predicted"
-        self._time_ns = time_ns
+        steady = results.rows[t] if filtered is None else filtered
+        angles, quaternion, translation, joints = bcd.pose_of(steady)
         return TrackedFrame(
             time_ns=time_ns,
             observed=observed,
             confidence=w,
-            angles_raw=raw.angles,
-            angles=pose.angles,
+            angles_raw=row.angles,
+            angles=angles,
             quaternion_raw=row.quaternion,
-            quaternion=q,
-            translation_raw=raw.translation,
-            translation=pose.translation,
+            quaternion=quaternion,
+            translation_raw=row.translation,
+            translation=translation,
             fitted_joints=row.joints,
-            filtered_joints=filtered_joints,
+            filtered_joints=joints,
             angle_variance=row.variance,
             objective=row.objective,
             sweeps=row.sweeps + row.steps,
-            status=status,
+            status="fitted" if fitted else "predicted" if known else "lost",
             reason=reason,
         )
-
-    def _filtered(self, time_ns: int, raw: Pose, unit: Array | None, noise: float) -> Pose | None:
-        """What the filter makes of a frame; None where it has coasted for too long.
-
-        Args:
-            unit: covariance of the raw pose at unit noise; None where nothing is fitted.
-            noise: of the joints, that this frame shows.
-        """
-        covariance = None
-        if unit is not None:
-            self._fitted_ns = time_ns
-            noise = max(noise, _NOISE_FLOOR)
-            if self._noise is not None:
-                noise = self._noise + _NOISE_GAIN * (noise - self._noise)
-            self._noise = noise
-            covariance = bcd.at_noise(unit, noise)
-            # an angle that a limit holds is not known to the last digit either
-            covariance[_DIAGONAL] += _ANGLE_FLOOR
-        elif self._fitted_ns is None or time_ns - self._fitted_ns > self._coast_ns:
-            self._filter.reset()
-            return None
-        dt = 0.0 if self._time_ns is None else (time_ns - self._time_ns) * 1e-9
-        return self._filter.step(dt, None if unit is None else raw, covariance)
-
-    @property
-    def _coast_ns(self) -> int:
-        return int(self.settings["coast_s"] * 1e9)
 
 
 def track(
@@ -239,7 +243,11 @@ def track(
     update: bcd.Update = "exact",
     min_joints: int = MIN_JOINTS,
     coast_s: float = COAST_S,
-    process_noise: float = 1.0,
+    process_noise: float | Literal["auto"] = "auto",
+    couple: bool = True,
+    lag: int = LAG,
+    noise_mm: float | None = None,
+    engine: str = "compiled",
     progress: Callable[[int], None] | None = None,
     on_part: Callable[[Track], None] | None = None,
 ) -> Track:
@@ -250,7 +258,8 @@ def track(
         model: the hand; the free default hand of the sequence's side if left out.
         calibrate: take bone lengths and palm from the sequence; else the model is only
             scaled to it.
-        filter, update, min_joints, coast_s, process_noise: as in `Tracker`.
+        filter, update, min_joints, coast_s, process_noise, couple, lag, noise_mm, engine: as in
+            `Tracker`.
         progress: called with the number of frames done, now and then.
         on_part: called with every stretch of frames as soon as it is final, in order: what it
             gets, one after another, is the track returned.
@@ -270,7 +279,18 @@ def track(
             sequence.source or None,
         )
     calibration = (calibrate_hand if calibrate else scale_to)(model, sequence)
-    tracker = Tracker(calibration.model, filter, update, min_joints, coast_s, process_noise)
+    tracker = Tracker(
+        calibration.model,
+        filter,
+        update,
+        min_joints,
+        coast_s,
+        process_noise,
+        couple,
+        lag,
+        noise_mm,
+        engine,
+    )
     settings = {
         **tracker.settings,
         "calibrate": calibrate,
@@ -294,16 +314,13 @@ def track(
     frames: list[TrackedFrame] = []
     events = [Event(int(sequence.time_ns[0]), "warning", note) for note in sequence.notes]
     untold, status = list(events), ""
-    for t in range(0, len(sequence), _CHUNK):
-        part = slice(t, t + _CHUNK)
-        # copies: the sequence's own arrays are not to be written to
-        joints, w = np.array(sequence.joints[part]), np.array(sequence.confidence[part])
-        new = tracker._advance(sequence.time_ns[part].tolist(), joints, w)
+    for new in _stretches(tracker, sequence):
         told = sorted(
             status_events(new, status) + remark_events(sequence.remarks, new),
             key=lambda event: event.time_ns,
         )
         new = with_remarks(new, sequence.remarks)
+        part = slice(len(frames), len(frames) + len(new))
         frames += new
         events += told
         status = new[-1].status
@@ -313,6 +330,20 @@ def track(
         if progress is not None:
             progress(len(frames))
     return made(slice(None), frames, events)
+
+
+def _stretches(tracker: Tracker, sequence: Sequence) -> Iterator[list[TrackedFrame]]:
+    """The frames of a sequence, some at a time, as they become final."""
+    for t in range(0, len(sequence), _CHUNK):
+        part = slice(t, t + _CHUNK)
+        # copies: the sequence's own arrays are not to be written to
+        joints, w = np.array(sequence.joints[part]), np.array(sequence.confidence[part])
+        new = tracker._advance(sequence.time_ns[part].tolist(), joints, w)
+        if new:
+            yield new
+    rest = tracker.finish()
+    for t in range(0, len(rest), _CHUNK):
+        yield rest[t : t + _CHUNK]
 
 
 def status_events(frames: list[TrackedFrame], before: str = "") -> list[Event]:

@@ -1,278 +1,271 @@
-"""The Kalman filter against plain NumPy, and what a filter of poses must do."""
+"""What every filter must do, the same tests over all of them."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from filter_cases import FRAME_NS, MODEL, frames_of, hard_frames, moving
 
 import handtrack as ht
-from handtrack.evaluation import metrics
+from handtrack.fitting import frames as rows
 from handtrack.hand.limits import preset
 from handtrack.hand.rotations import about_axis, matrix_to_vector, vector_to_matrix
-from handtrack.hand.skeleton import N_ANGLES
-from handtrack.tracking import filters
-from handtrack.tracking.filters import KalmanPoseFilter, NoFilter, Pose, make_filter
+from handtrack.tracking.filter_settings import FILTERS, FilterSettings
+from handtrack.tracking.filters import make_filter
+from handtrack.tracking.kalman import Frames
 
-LIMITS = preset("anatomical")
-N = N_ANGLES + 6
-LINEAR = np.r_[0:N_ANGLES, N_ANGLES + 3 : N]
-DT = 1 / 30
-
-
-class PlainKalman:
-    """Positions and velocities under white acceleration noise, written out for any matrices."""
-
-    def __init__(self, z: np.ndarray, r: np.ndarray, spread: np.ndarray):
-        n = len(z)
-        self.n, self.spread = n, spread
-        self.x = np.concatenate([z, np.zeros(n)])
-        known = np.isfinite(np.diag(r))
-        self.p = np.zeros((2 * n, 2 * n))
-        self.p[:n, :n] = np.where(np.outer(known, known), r, np.eye(n))
-        self.p[n:, n:] = np.diag(0.25**2 * spread)
-
-    def step(self, dt: float, z: np.ndarray | None, r: np.ndarray | None) -> np.ndarray:
-        n, one = self.n, np.eye(self.n)
-        f = np.block([[one, dt * one], [0 * one, one]])
-        g = np.concatenate([dt**2 / 2 * one, dt * one])
-        self.x = f @ self.x
-        self.p = f @ self.p @ f.T + g @ np.diag(self.spread) @ g.T
-        if z is not None:
-            known = np.flatnonzero(np.isfinite(np.diag(r)))
-            h = np.eye(2 * n)[known]
-            s = h @ self.p @ h.T + r[np.ix_(known, known)]
-            gain = np.linalg.solve(s, h @ self.p).T
-            self.x = self.x + gain @ (z[known] - self.x[known])
-            a = np.eye(2 * n) - gain @ h
-            self.p = a @ self.p @ a.T + gain @ r[np.ix_(known, known)] @ gain.T
-        return self.x[:n]
+SETTINGS = {
+    "kalman": FilterSettings("kalman"),
+    "kalman, not coupled": FilterSettings("kalman", couple=False),
+    "kalman, fixed noise": FilterSettings("kalman", process_noise=2.0, noise_mm=2.0),
+    "one-euro": FilterSettings("one-euro"),
+    "fixed-lag": FilterSettings("fixed-lag"),
+    "fixed-lag 5, not coupled": FilterSettings("fixed-lag", 5, couple=False),
+    "rts": FilterSettings("rts"),
+}
+every_filter = pytest.mark.parametrize("name", SETTINGS)
+TURN = slice(rows.OUT_ROOT, rows.OUT_SHIFT)
+SHIFT = slice(rows.OUT_SHIFT, rows.OUT_QUATERNION)
+POSE = slice(0, rows.OUT_OBJECTIVE)
 
 
-def covariance(rng: np.random.Generator, scale: float = 1e-3) -> np.ndarray:
-    """Of the angles and the translation together; the rotation's is apart."""
-    a = rng.normal(0, scale, (N, N))
-    c = a @ a.T + np.diag(np.full(N, scale**2))
-    turn = np.setdiff1d(np.arange(N), LINEAR)
-    c[np.ix_(turn, LINEAR)] = c[np.ix_(LINEAR, turn)] = 0.0
-    return c
-
-
-def inside(rng: np.random.Generator) -> np.ndarray:
-    """Angles well inside the limits."""
-    return 0.1 * rng.uniform(-1, 1, N_ANGLES) + 0.1
-
-
-def linear(pose: Pose) -> np.ndarray:
-    return np.concatenate([pose.angles, pose.translation])
-
-
-def spread(process_noise: float = 1.0) -> np.ndarray:
-    angle, shift = filters.ANGLE_ACCELERATION, filters.TRANSLATION_ACCELERATION
-    return (process_noise * np.r_[np.full(N_ANGLES, angle), np.full(3, shift)]) ** 2
-
-
-@pytest.mark.parametrize("process_noise", [0.2, 1.0])
-def test_it_is_a_kalman_filter(process_noise):
-    """Random covariances, irregular times, missing frames and angles that are not observed."""
-    rng = np.random.default_rng(1)
-    ours = KalmanPoseFilter(LIMITS, process_noise)
-    plain = None
-    for t in range(200):
-        dt = rng.uniform(0.005, 0.1)
-        pose, r = None, None
-        if t == 0 or rng.random() > 0.15:
-            pose = Pose(inside(rng), np.eye(3), rng.normal(0, 0.02, 3))
-            r = covariance(rng)
-            if t and rng.random() < 0.5:
-                unseen = rng.choice(N_ANGLES, 3, replace=False)
-                r[unseen] = r[:, unseen] = 0.0
-                r[unseen, unseen] = np.inf
-        out = ours.step(dt, pose, r)
-        assert out is not None
-        reduced = None if r is None else r[np.ix_(LINEAR, LINEAR)]
-        if plain is None:
-            plain = PlainKalman(linear(pose), reduced, spread(process_noise))
-            expected = linear(pose)
-        else:
-            expected = plain.step(dt, None if pose is None else linear(pose), reduced)
-        if LIMITS.contains(expected[:N_ANGLES]):
-            np.testing.assert_allclose(linear(out), expected, atol=1e-9)
-        np.testing.assert_allclose(out.translation, expected[N_ANGLES:], atol=1e-9)
-        np.testing.assert_allclose(out.angles, LIMITS.clamp(expected[:N_ANGLES]), atol=1e-9)
-
-
-def moving(t: float) -> Pose:
-    """A pose in which everything moves at constant speed."""
-    angles = 0.05 + 0.02 * np.arange(N_ANGLES) / N_ANGLES * t
-    rotation = about_axis(np.array([0.0, 0.6, 0.8]), np.array(0.9 * t))
-    return Pose(angles, rotation, np.array([0.1, -0.2, 0.3]) * t)
+def run(name: str, frames: Frames, model: ht.HandModel = MODEL, coast_s: float = 0.3) -> np.ndarray:
+    """(T, OUT_SIZE) what a filter makes of all frames, in one call."""
+    made = make_filter(SETTINGS[name], model, coast_s)
+    parts = [made.advance(frames), made.finish()]
+    out = np.concatenate([part[0] for part in parts])
+    known = np.concatenate([part[1] for part in parts])
+    np.testing.assert_array_equal(known, np.isfinite(out[:, POSE]).all(1))
+    assert np.isnan(out[~known][:, POSE]).all()
+    assert len(out) == len(frames.raw)
+    return out
 
 
 def apart(a: np.ndarray, b: np.ndarray) -> float:
-    """Angle between two rotations [rad]."""
-    return float(np.linalg.norm(matrix_to_vector(a @ b.T)))
+    """Angle between two rotations (9,) [rad]."""
+    return float(np.linalg.norm(matrix_to_vector(a.reshape(3, 3) @ b.reshape(3, 3).T)))
 
 
-@pytest.mark.parametrize("regular", [True, False])
-def test_constant_speed_has_no_lag(regular):
-    rng = np.random.default_rng(2)
-    kalman = KalmanPoseFilter(LIMITS)
-    r = np.diag(np.full(N, 1e-4))
-    t = 0.0
-    for _ in range(150):
-        dt = DT if regular else rng.uniform(0.3 * DT, 3 * DT)
-        t += dt
-        out = kalman.step(dt, moving(t), r)
-    truth = moving(t)
-    np.testing.assert_allclose(out.angles, truth.angles, atol=1e-7)
-    np.testing.assert_allclose(out.translation, truth.translation, atol=1e-7)
-    assert apart(out.rotation, truth.rotation) < 1e-7
-    # and it goes on so for as long as nothing is measured
-    for _ in range(10):
-        t += DT
-        out = kalman.step(DT, None, None)
-    truth = moving(t)
-    np.testing.assert_allclose(out.angles, truth.angles, atol=1e-6)
-    np.testing.assert_allclose(out.translation, truth.translation, atol=1e-6)
-    assert apart(out.rotation, truth.rotation) < 1e-6
+def test_every_filter_is_tested():
+    assert {s.name for s in SETTINGS.values()} | {"none"} == set(FILTERS)
+    assert make_filter(FilterSettings("none"), MODEL, 0.3) is None
 
 
+@every_filter
+@pytest.mark.parametrize("size", [1, 7, 50])
+def test_frames_by_themselves_are_frames_together(name, size):
+    """To the last bit, whatever the stretches; a filter that waits gives the same, later."""
+    frames = hard_frames()
+    together = run(name, frames)
+    made = make_filter(SETTINGS[name], MODEL, 0.3)
+    given, waited = [], []
+    for t in range(0, 120, size):
+        out, _ = made.advance(frames.part(slice(t, t + size)))
+        given += list(out)
+        waited.append(min(t + size, 120) - len(given))
+    lag = {"fixed-lag": 2, "fixed-lag 5, not coupled": 5, "rts": 120}.get(name, 0)
+    assert waited == [min(lag, min(t + size, 120)) for t in range(0, 120, size)]
+    given += list(made.finish()[0])
+    np.testing.assert_array_equal(np.array(given)[:, POSE], together[:, POSE])
+    # finished, it is as new
+    np.testing.assert_array_equal(made.advance(frames)[0][:, POSE], together[: 120 - lag, POSE])
+
+
+@every_filter
+def test_reset_forgets(name):
+    frames = hard_frames()
+    made = make_filter(SETTINGS[name], MODEL, 0.3)
+    made.advance(hard_frames(37, seed=2))
+    made.reset()
+    again = np.concatenate([made.advance(frames)[0], made.finish()[0]])
+    np.testing.assert_array_equal(again[:, POSE], run(name, frames)[:, POSE])
+
+
+@every_filter
+def test_arguments_stay_as_they_are(name):
+    frames = hard_frames()
+    before = [x.copy() for x in frames]
+    run(name, frames)
+    for a, b in zip(frames, before, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@every_filter
+def test_clean_motion_passes(name):
+    """Slow, without noise: all filters stay within a millimetre or two, and rotations turn."""
+    times_ns, _, rotation, joints = moving(90, speed=0.5)
+    out = run(name, frames_of(times_ns, joints))
+    fitted = out[:, rows.OUT_JOINTS : rows.OUT_OBJECTIVE].reshape(-1, 21, 3)
+    error = np.linalg.norm(fitted - joints, axis=-1)[15:-1]
+    limit = 0.03 if name == "one-euro" else 1.5e-3
+    assert error.max() < limit
+    angle = [apart(a, b) for a, b in zip(out[:, TURN], rotation.reshape(-1, 9), strict=True)]
+    assert max(angle[15:-1]) < (0.2 if name == "one-euro" else 0.01)
+
+
+@every_filter
 @pytest.mark.parametrize("axis", [[1.0, 0, 0], [0, 0, -1.0], [0.48, -0.6, 0.64]])
-def test_turning_right_round_has_no_jump(axis):
-    """Two whole turns, through 180 and 360 degrees, with a little noise."""
+def test_turning_right_round_has_no_jump(name, axis):
+    """Two whole turns in four seconds, through 180 and 360 degrees, with noise."""
     rng = np.random.default_rng(3)
-    kalman = KalmanPoseFilter(LIMITS)
-    r = np.diag(np.full(N, 1e-5))
-    step = 4 * np.pi / 200
-    before = None
-    for i in range(200):
-        truth = about_axis(np.array(axis), np.array(step * i))
-        noisy = vector_to_matrix(rng.normal(0, 3e-3, 3)) @ truth
-        out = kalman.step(DT, Pose(np.full(N_ANGLES, 0.05), noisy, np.zeros(3)), r)
-        np.testing.assert_allclose(out.rotation @ out.rotation.T, np.eye(3), atol=1e-12)
-        assert np.linalg.det(out.rotation) > 0
-        if i > 10:
-            assert apart(out.rotation, truth) < 0.02
-            assert apart(out.rotation, before) == pytest.approx(step, abs=0.02)
-        before = out.rotation
+    step = 4 * np.pi / 120
+    rotation = about_axis(np.array(axis), step * np.arange(120))
+    joints = MODEL.joints(np.tile(MODEL.mean_angles, (120, 1)), rotation)
+    times_ns = np.arange(120) * FRAME_NS
+    out = run(name, frames_of(times_ns, joints + rng.normal(0, 1e-3, joints.shape)))
+    turns = out[:, TURN].reshape(-1, 3, 3)
+    np.testing.assert_allclose(
+        turns @ turns.swapaxes(1, 2), np.tile(np.eye(3), (120, 1, 1)), atol=1e-9
+    )
+    assert (np.linalg.det(turns) > 0).all()
+    for t in range(15, 119):
+        assert apart(turns[t], rotation[t]) < (0.35 if name == "one-euro" else 0.05)
+        assert apart(turns[t], turns[t - 1]) == pytest.approx(step, abs=0.04)
 
 
-def test_a_frame_of_the_world_makes_no_difference():
-    """Filtered poses turn with the world that they are in."""
-    rng = np.random.default_rng(4)
-    turn = vector_to_matrix(np.array([1.0, -2.0, 0.7]))
-    a, b = KalmanPoseFilter(LIMITS), KalmanPoseFilter(LIMITS)
-    r = np.diag(np.full(N, 1e-4))
-    for i in range(40):
-        rotation = vector_to_matrix(rng.normal(0, 0.1, 3)) @ about_axis(
-            np.array([0.0, 0.0, 1.0]), np.array(0.1 * i)
-        )
-        pose = Pose(inside(rng), rotation, rng.normal(0, 0.1, 3))
-        one = a.step(DT, pose, r)
-        other = b.step(DT, Pose(pose.angles, turn @ rotation, turn @ pose.translation), r)
-        np.testing.assert_allclose(other.rotation, turn @ one.rotation, atol=1e-9)
-        np.testing.assert_allclose(other.translation, turn @ one.translation, atol=1e-9)
+@every_filter
+def test_a_frame_of_the_world_makes_no_difference(name):
+    """Filtered poses turn and move with the world that they are in."""
+    frames = hard_frames(60)
+    turn, shift = vector_to_matrix(np.array([1.0, -2.0, 0.7])), np.array([3.0, -1.0, 2.0])
+    # the noise of the motion has the same size in all directions
+    moved = frames.raw.copy()
+    moved[:, TURN] = (turn @ frames.raw[:, TURN].reshape(-1, 3, 3)).reshape(-1, 9)
+    moved[:, SHIFT] = frames.raw[:, SHIFT] @ turn.T + shift
+    settings = SETTINGS[name]
+    if settings.process_noise == "auto" and name != "one-euro":
+        # what is learnt has the world's axes
+        settings = FilterSettings(settings.name, settings.lag, 1.0, settings.couple)
+    out = []
+    for joints, raw in (
+        (frames.joints, frames.raw),
+        (frames.joints @ turn.T + shift, moved),
+    ):
+        made = make_filter(settings, MODEL, 0.3)
+        part = made.advance(Frames(frames.times_ns, joints, frames.weights, raw))[0]
+        out.append(np.concatenate([part, made.finish()[0]]))
+    a, b = out
+    if name == "one-euro":  # it filters the turn and the shift axis by axis of the world
+        np.testing.assert_allclose(b[:, :20], a[:, :20], atol=1e-9)
+        return
+    np.testing.assert_allclose(b[:, :20], a[:, :20], atol=1e-6)
+    there = (turn @ a[:, TURN].reshape(-1, 3, 3)).reshape(-1, 9)
+    np.testing.assert_allclose(b[:, TURN], there, atol=1e-6)
+    np.testing.assert_allclose(b[:, SHIFT], a[:, SHIFT] @ turn.T + shift, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["li2021", "anatomical"])
-def test_filtered_angles_keep_the_limits(name):
+@every_filter
+@pytest.mark.parametrize("limits", ["li2021", "anatomical"])
+def test_filtered_angles_keep_the_limits(name, limits):
     """Angles that bounce between their limits would carry a free filter past them."""
     rng = np.random.default_rng(5)
-    limits = preset(name)
-    kalman = KalmanPoseFilter(limits)
-    r = np.diag(np.full(N, 1e-3))
-    outside = 0
-    for i in range(120):
-        ends = limits.upper if i // 20 % 2 else limits.lower
-        angles = limits.clamp(ends + rng.normal(0, 0.05, N_ANGLES))
-        out = kalman.step(DT, Pose(angles, np.eye(3), np.zeros(3)), r)
-        assert limits.contains(out.angles)
-        outside += not limits.contains(kalman._kf.x[:N_ANGLES, 0])
-    assert outside > 20
+    model = MODEL.with_limits(limits)
+    ends = np.where((np.arange(80) // 10 % 2)[:, None], model.limits.upper, model.limits.lower)
+    joints = model.joints(model.limits.clamp(ends))
+    joints += rng.normal(0, 5e-3, joints.shape)
+    joints[33:38] = np.nan
+    out = run(name, frames_of(np.arange(80) * FRAME_NS, joints, model=model), model)
+    assert preset(limits).contains(out[:, :20], 1e-7).all()
+    found = out[:, rows.OUT_JOINTS : rows.OUT_OBJECTIVE].reshape(-1, 21, 3)
+    turns = out[:, TURN].reshape(-1, 3, 3)
+    np.testing.assert_allclose(model.joints(out[:, :20], turns, out[:, SHIFT]), found, atol=1e-12)
 
 
-def test_an_angle_that_is_not_observed_coasts_alone():
-    """The others are as if it was not there."""
-    rng = np.random.default_rng(6)
-    with_it, without = KalmanPoseFilter(LIMITS), KalmanPoseFilter(LIMITS)
-    r = np.diag(np.full(N, 1e-4))
-    unseen = r.copy()
-    unseen[7, 7] = np.inf
-    others = np.arange(N_ANGLES) != 7
-    for i in range(40):
-        pose = Pose(inside(rng), np.eye(3), rng.normal(0, 0.1, 3))
-        a = with_it.step(DT, pose, r)
-        b = without.step(DT, pose, unseen if i > 20 else r)
-        assert np.isfinite(b.angles).all()
-        np.testing.assert_allclose(b.angles[others], a.angles[others], atol=1e-9)
-    wild = pose.angles.copy()
-    wild[7] = 1.0
-    c = without.step(DT, Pose(wild, np.eye(3), np.zeros(3)), unseen)
-    assert abs(c.angles[7] - 1.0) > 0.3
+@every_filter
+def test_prediction_comes_to_rest(name):
+    """A hand that flies at 1 m/s and is not seen any more does not fly on for ever."""
+    times_ns = np.arange(60) * FRAME_NS
+    shift = np.zeros((60, 3))
+    shift[:, 0] = np.minimum(times_ns, times_ns[29]) * 1e-9
+    joints = MODEL.joints(np.tile(MODEL.mean_angles, (60, 1)), np.eye(3), shift)
+    joints[30:] = np.nan
+    out = run(name, frames_of(times_ns, joints), coast_s=10.0)
+    gone = out[30:, rows.OUT_SHIFT] - out[29, rows.OUT_SHIFT]
+    assert (np.diff(gone) >= -1e-9).all()
+    assert gone[-1] < 0.15
+    if name != "one-euro":
+        assert gone[0] > 0.02
 
 
-def test_the_first_pose_passes_through_and_reset_forgets():
-    rng = np.random.default_rng(7)
-    r = covariance(rng)
-    kalman = KalmanPoseFilter(LIMITS)
-    assert kalman.step(0.0, None, None) is None
-    poses = [Pose(inside(rng), about_axis(np.eye(3)[0], np.array(3.0)), np.ones(3))]
-    poses += [Pose(inside(rng), np.eye(3), np.zeros(3)) for _ in range(5)]
-    first = kalman.step(1e9, poses[0], r)
-    for a, b in zip(first, poses[0], strict=True):
-        np.testing.assert_array_equal(a, b)
-    run = [kalman.step(DT, pose, r) for pose in poses[1:]]
-    kalman.reset()
-    assert kalman.step(DT, None, None) is None
-    kalman.step(0.0, poses[0], r)
-    for before, pose in zip(run, poses[1:], strict=True):
-        for a, b in zip(before, kalman.step(DT, pose, r), strict=True):
-            np.testing.assert_array_equal(a, b)
+@every_filter
+def test_a_gap_of_an_hour_is_a_new_beginning(name):
+    frames = hard_frames(30)
+    later = np.concatenate([frames.times_ns, frames.times_ns + 3_600_000_000_000])
+    twice = Frames(later, *(np.concatenate([x, x]) for x in frames[1:]))
+    out = run(name, twice)
+    first = np.flatnonzero(np.isfinite(frames.raw[:, rows.OUT_NOISE]))[0]
+    assert np.isfinite(out[30 + first, POSE]).all()
+    if not name.startswith(("rts", "fixed-lag")):
+        np.testing.assert_array_equal(out[30 + first, :32], frames.raw[first, :32])
+    error = np.nan_to_num(out[30:, rows.OUT_JOINTS : rows.OUT_OBJECTIVE]).reshape(-1, 21, 3)
+    seen = frames.weights > 0
+    far = np.linalg.norm(error - np.nan_to_num(frames.joints), axis=-1)[seen]
+    assert far.max() < 0.05
 
 
-def test_arguments_and_results_stay_as_they_are():
-    rng = np.random.default_rng(8)
-    kalman = KalmanPoseFilter(LIMITS)
-    out, copies = [], []
-    for _ in range(5):
-        pose, r = Pose(inside(rng), np.eye(3), rng.normal(0, 0.1, 3)), covariance(rng)
-        before = [x.copy() for x in (*pose, r)]
-        out.append(kalman.step(DT, pose, r))
-        copies.append([x.copy() for x in out[-1]])
-        for a, b in zip((*pose, r), before, strict=True):
-            np.testing.assert_array_equal(a, b)
-    for pose, copy in zip(out, copies, strict=True):
-        for a, b in zip(pose, copy, strict=True):
-            np.testing.assert_array_equal(a, b)
+@every_filter
+def test_it_knows_nothing_before_the_first_fit(name):
+    frames = hard_frames(30)
+    for x in frames[1:]:
+        x[:4] = np.nan
+    frames.weights[:4] = 0.0
+    out = run(name, frames)
+    assert np.isnan(out[:4, POSE]).all()
+    assert np.isfinite(out[4:, POSE]).all()
 
 
-def test_no_filter_passes_poses_through():
-    pose = Pose(np.zeros(N_ANGLES), np.eye(3), np.zeros(3))
-    plain = NoFilter()
-    assert plain.step(DT, pose, np.eye(N)) is pose
-    assert plain.step(DT, None, None) is None
-    assert isinstance(make_filter("none", LIMITS), NoFilter)
-    assert isinstance(make_filter("kalman", LIMITS), KalmanPoseFilter)
+@every_filter
+def test_perfect_joints_are_no_trouble(name):
+    """A hand that stands still, with no noise at all."""
+    _, _, _, joints = moving(1)
+    out = run(name, frames_of(np.arange(50) * FRAME_NS, np.repeat(joints, 50, 0)))
+    found = out[:, rows.OUT_JOINTS : rows.OUT_OBJECTIVE].reshape(-1, 21, 3)
+    assert np.abs(found - joints).max() < 1e-5
 
 
-@pytest.mark.parametrize("process_noise", [0.0, -1.0, np.inf, np.nan])
-def test_process_noise_must_be_positive(process_noise):
-    with pytest.raises(ht.SettingsError, match="process noise"):
-        KalmanPoseFilter(LIMITS, process_noise)
+@every_filter
+@pytest.mark.parametrize("noise_mm", [2, 5, 10])
+def test_it_steadies_noise(name, noise_mm):
+    """Nearer to the truth than the raw fits, and calmer."""
+    rng = np.random.default_rng(9)
+    times_ns, _, _, joints = moving(150)
+    frames = frames_of(times_ns, joints + rng.normal(0, 1e-3 * noise_mm, joints.shape))
+    out = run(name, frames)
+    error, jitter = [], []
+    for found in (frames.raw, out):
+        x = found[:, rows.OUT_JOINTS : rows.OUT_OBJECTIVE].reshape(-1, 21, 3)
+        error.append(np.linalg.norm(x - joints, axis=-1).mean())
+        jitter.append(np.linalg.norm(np.diff(x, 3, axis=0), axis=-1).mean())
+    assert jitter[1] < 0.7 * jitter[0]
+    # the best of all is not known here; what was measured, and a little
+    limit = {"kalman": 0.8, "fixed-lag": 0.65, "rts": 0.6}.get(name, 1.0)
+    assert name == "one-euro" or error[1] < limit * error[0]
 
 
 @pytest.mark.parametrize(
-    ("noise_mm", "calmer", "nearer"), [(1, 0.9, 0.95), (2, 0.75, 0.96), (5, 0.65, 1.02)]
+    ("settings", "message"),
+    [
+        ({"name": "x"}, "filter 'x' is unknown, expected one of none, kalman"),
+        ({"lag": -1}, "lag is -1, expected 0..1000 frames"),
+        ({"lag": 1001}, "lag is 1001"),
+        ({"lag": 1.5}, "lag is 1.5"),
+        ({"process_noise": "x"}, "process noise is 'x', expected auto"),
+        ({"process_noise": 0.0}, "process noise is 0.0, expected auto or a factor"),
+        ({"process_noise": -1.0}, "process noise is -1.0"),
+        ({"process_noise": np.inf}, "process noise is inf"),
+        ({"process_noise": np.nan}, "process noise is nan"),
+        ({"process_noise": 1e9}, "process noise is 1000000000.0"),
+        ({"noise_mm": 0.0}, "noise_mm is 0.0"),
+        ({"noise_mm": np.nan}, "noise_mm is nan"),
+        ({"noise_mm": 1e5}, "noise_mm is 100000.0"),
+        ({"engine": "x"}, "engine 'x' is unknown, expected compiled or filterpy"),
+    ],
 )
-def test_it_steadies_a_noisy_sequence(noise_mm, calmer, nearer, sample):
-    """Less jitter than the fits, and no farther from the truth."""
-    rng = np.random.default_rng(9)
-    joints = sample.truth + rng.normal(0, noise_mm * 1e-3, sample.truth.shape)
-    noisy = ht.Sequence(sample.time_ns, joints)
-    raw, steady = (ht.track(noisy, filter=name) for name in filters.FILTERS)
-    jitter, error = [], []
-    for track in (raw, steady):
-        jitter.append(np.nanmean(metrics.jitter(track.filtered_joints, time_ns=track.time_ns)))
-        error.append(metrics.mpjpe(track.filtered_joints, sample.truth).mean())
-    assert jitter[1] < calmer * jitter[0]
-    assert error[1] < nearer * error[0]
+def test_settings_that_make_no_sense(settings, message):
+    with pytest.raises(ht.SettingsError, match=message):
+        FilterSettings(**settings)
+
+
+def test_filterpy_has_no_one_euro():
+    with pytest.raises(ht.SettingsError, match="one-euro"):
+        make_filter(FilterSettings("one-euro", engine="filterpy"), MODEL, 0.3)

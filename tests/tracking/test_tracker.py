@@ -13,7 +13,8 @@ from handtrack.hand.skeleton import N_ANGLES
 from handtrack.tracking import tracker as module
 from handtrack.tracking.tracker import COAST_S, MIN_JOINTS, TrackedFrame
 
-FILTERS = ("none", "kalman")
+FILTERS = ("none", "kalman", "one-euro")
+WAITING = ("fixed-lag", "rts")
 FRAME_NS = 33_333_333
 GAPS = (slice(0, 2), slice(100, 101), slice(250, 260), slice(300, 320))
 
@@ -32,16 +33,16 @@ def long(sample) -> ht.Sequence:
     return ht.Sequence(time_ns, joints, confidence, frame_index=np.arange(7, 7 + len(joints)))
 
 
-@pytest.fixture(scope="module", params=FILTERS)
+@pytest.fixture(scope="module", params=FILTERS + WAITING)
 def tracked(request, long) -> ht.Track:
     return ht.track(long, filter=request.param)
 
 
 def stream(tracker: ht.Tracker, sequence: ht.Sequence) -> list[TrackedFrame]:
-    return [
-        tracker.step(x, t, c)
-        for x, t, c in zip(sequence.joints, sequence.time_ns, sequence.confidence, strict=True)
-    ]
+    frames = []
+    for x, t, c in zip(sequence.joints, sequence.time_ns, sequence.confidence, strict=True):
+        frames += tracker.push(x, t, c)
+    return frames + tracker.finish()
 
 
 def same(a: object, b: object) -> None:
@@ -71,9 +72,32 @@ def test_chunks_do_not_show(chunk, tracked, long, monkeypatch):
         same(getattr(again, field.name), getattr(tracked, field.name))
 
 
+@pytest.mark.parametrize(("name", "lag"), [("fixed-lag", 3), ("fixed-lag", 0), ("rts", 600)])
+def test_a_filter_that_waits_gives_the_same_frames_later(name, lag, long):
+    track = ht.track(long, filter=name, lag=min(lag, 3))
+    tracker = ht.Tracker(track.model, filter=name, lag=min(lag, 3))
+    given: list[TrackedFrame] = []
+    for t in range(600):
+        given += tracker.push(long.joints[t], long.time_ns[t], long.confidence[t])
+        assert len(given) == max(t + 1 - lag, 0)
+    given += tracker.finish()
+    equal_to_track(given, track)
+    assert tracker.finish() == []
+
+
+@pytest.mark.parametrize("name", WAITING)
+def test_a_filter_that_waits_has_no_step(name, sample):
+    tracker = ht.Tracker(ht.HandModel.default(), filter=name)
+    with pytest.raises(ht.SettingsError, match=f"filter {name} waits .* push"):
+        tracker.step(sample.joints[0], 0)
+    assert tracker.push(sample.joints[0], 0) == []
+
+
 def test_reset_makes_it_new(tracked, long):
     tracker = ht.Tracker(tracked.model, filter=tracked.settings["filter"])
-    stream(tracker, long.frames(150, 280))
+    stretch = long.frames(150, 280)
+    for x, t in zip(stretch.joints, stretch.time_ns, strict=True):
+        tracker.push(x, t)
     tracker.reset()
     equal_to_track(stream(tracker, long), tracked)
 
@@ -100,7 +124,7 @@ def test_statuses_without_a_filter(tracked, long):
     assert np.isinf(tracked.angle_variance[lost]).all()
 
 
-@pytest.mark.parametrize("tracked", ["kalman"], indirect=True)
+@pytest.mark.parametrize("tracked", FILTERS[1:] + WAITING, indirect=True)
 def test_a_filter_predicts_short_gaps_and_gives_up_on_long_ones(tracked, long):
     # nothing is known before the first fit
     assert (tracked.status[GAPS[0]] == "lost").all()
@@ -213,6 +237,9 @@ def test_what_is_no_frame_is_refused(joints, confidence, message, sample):
     ("settings", "message"),
     [
         ({"filter": "x"}, "filter 'x' is unknown, expected one of none, kalman"),
+        ({"filter": "fixed-lag", "lag": -1}, "lag is -1"),
+        ({"filter": "kalman", "noise_mm": 0.0}, "noise_mm is 0.0"),
+        ({"engine": "x"}, "engine 'x' is unknown"),
         ({"update": "x"}, "update 'x' is unknown"),
         ({"min_joints": 2}, "min_joints is 2"),
         ({"min_joints": 22}, "min_joints is 22"),
@@ -341,10 +368,11 @@ def test_unfiltered_and_filtered_are_the_same_without_a_filter(sample):
 
 
 def test_raw_fits_do_not_depend_on_the_filter(sample):
-    none, kalman = (ht.track(sample, filter=name) for name in FILTERS)
-    assert kalman.filtered
-    for name in ("angles_raw", "quaternion_raw", "translation_raw", "fitted_joints", "sweeps"):
-        same(getattr(kalman, name), getattr(none, name))
+    none, *others = (ht.track(sample, filter=name) for name in FILTERS + WAITING)
+    for other in others:
+        assert other.filtered
+        for name in ("angles_raw", "quaternion_raw", "translation_raw", "fitted_joints", "sweeps"):
+            same(getattr(other, name), getattr(none, name))
 
 
 def test_events_tell_of_every_change(tracked, long):

@@ -1,0 +1,128 @@
+"""Small dense symmetric systems: loops over rows that the compiler turns into vectors.
+
+Matrices are square with N rows unless said otherwise; only what a docstring names is written.
+"""
+
+from __future__ import annotations
+
+import math
+
+from handtrack.fitting.compiled import inline
+
+N = 26
+
+
+@inline
+def factor(a, u):
+    """u, upper triangular, with u^T u = a (Cholesky); of a the upper triangle is read.
+
+    Returns the logarithm of a's determinant. A pivot that rounding made negative is lifted.
+    """
+    for i in range(N):
+        for j in range(i, N):
+            u[i, j] = a[i, j]
+    log = 0.0
+    for k in range(N):
+        d = max(u[k, k], 1e-14 * abs(a[k, k]) + 1e-300)
+        log += math.log(d)
+        inverse = 1.0 / math.sqrt(d)
+        for j in range(k, N):
+            u[k, j] *= inverse
+        for i in range(k + 1, N):
+            v = u[k, i]
+            for j in range(i, N):
+                u[i, j] -= v * u[k, j]
+    return log
+
+
+@inline
+def divide(u, w):
+    """w becomes u^-T w, for w of any width."""
+    columns = w.shape[1]
+    for k in range(N):
+        inverse = 1.0 / u[k, k]
+        for j in range(columns):
+            w[k, j] *= inverse
+        for i in range(k + 1, N):
+            v = u[k, i]
+            for j in range(columns):
+                w[i, j] -= v * w[k, j]
+
+
+@inline
+def invert(u, work, out):
+    """out = (u^T u)^-1, both triangles; work is overwritten."""
+    for i in range(N):
+        for j in range(N):
+            work[i, j] = 0.0
+        work[i, i] = 1.0
+    # rows of u^-T: lower triangular
+    for k in range(N):
+        inverse = 1.0 / u[k, k]
+        for j in range(k + 1):
+            work[k, j] *= inverse
+        for i in range(k + 1, N):
+            v = u[k, i]
+            for j in range(k + 1):
+                work[i, j] -= v * work[k, j]
+    for i in range(N):
+        for j in range(N):
+            out[i, j] = 0.0
+    for k in range(N):
+        for i in range(k + 1):
+            v = work[k, i]
+            for j in range(i + 1):
+                out[i, j] += v * work[k, j]
+    for i in range(N):
+        for j in range(i):
+            out[j, i] = out[i, j]
+
+
+@inline
+def solve_one(u, x):
+    """x (N,) becomes (u^T u)^-1 x."""
+    for k in range(N):
+        x[k] /= u[k, k]
+        v = x[k]
+        for i in range(k + 1, N):
+            x[i] -= u[k, i] * v
+    for k in range(N - 1, -1, -1):
+        v = x[k]
+        for i in range(k + 1, N):
+            v -= u[k, i] * x[i]
+        x[k] = v / u[k, k]
+
+
+@inline
+def subtract_square(w, a):
+    """a -= w^T w, both triangles, for w (N, N)."""
+    for k in range(N):
+        for i in range(N):
+            v = w[k, i]
+            for j in range(i, N):
+                a[i, j] -= v * w[k, j]
+    for i in range(N):
+        for j in range(i):
+            a[i, j] = a[j, i]
+
+
+@inline
+def multiply(a, b, out):
+    """out = a b."""
+    for i in range(N):
+        for j in range(N):
+            out[i, j] = 0.0
+        for k in range(N):
+            v = a[i, k]
+            for j in range(N):
+                out[i, j] += v * b[k, j]
+
+
+@inline
+def apply_matrix(a, x, out):
+    """out = a x."""
+    for i in range(N):
+        v = 0.0
+        for j in range(N):
+            v += a[i, j] * x[j]
+        out[i] = v

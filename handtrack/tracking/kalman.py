@@ -1,0 +1,286 @@
+"""Kalman filters of poses: causal, with a fixed lag, and over the whole sequence."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.fitting import bcd
+from handtrack.fitting.frames import OUT_NOISE, OUT_SIZE
+from handtrack.fitting.information import LONG, information
+from handtrack.hand.model import HandModel
+from handtrack.tracking import kalman_kernel as kernels
+from handtrack.tracking import process_kernel, process_noise, smoother_kernel
+from handtrack.tracking.filter_settings import FilterSettings
+from handtrack.tracking.process_noise import N_POSE
+
+Array = NDArray[np.float64]
+Steadied = tuple[Array, NDArray[np.bool_]]
+"""Rows (n, OUT_SIZE) of poses, quaternions and joints, NaN where nothing is known; and (n,) which
+are known."""
+
+# what a new frame makes up of the running noise of the joints, at least
+_NOISE_GAIN = 0.02
+# frames that are smoothed at once, and those after them that are looked at as well [frames]
+_WINDOW, _BEYOND = 1024, 256
+# stretches that the motion's noise is learnt from, and their length [frames]
+_STRETCHES, _STRETCH = 3, 300
+
+
+class Frames(NamedTuple):
+    """Frames and their raw fits.
+
+    Attributes:
+        times_ns: (T,) increasing [ns].
+        joints: (T, 21, 3) [m]; weights: (T, 21), 0 where a joint is missing.
+        raw: (T, OUT_SIZE) rows of `bcd.Results`, NaN where nothing is fitted.
+    """
+
+    times_ns: NDArray[np.int64]
+    joints: Array
+    weights: Array
+    raw: Array
+
+    def part(self, of: slice) -> Frames:
+        """Some of the frames."""
+        return Frames(self.times_ns[of], self.joints[of], self.weights[of], self.raw[of])
+
+
+class Kept:
+    """What a smoother needs of n frames; `arrays` as in `filter_frames`."""
+
+    def __init__(self, n: int, arrays: tuple[Array, ...] | None = None):
+        self.arrays = arrays or (
+            np.zeros((n, 5, N_POSE)),
+            np.zeros((n, 32)),
+            np.zeros((n, 2, N_POSE, N_POSE)),
+            np.zeros((n, N_POSE, N_POSE)),
+            np.zeros((n, N_POSE)),
+        )
+
+    def part(self, frames: slice) -> Kept:
+        """A view of some of the frames."""
+        return Kept(0, tuple(a[frames] for a in self.arrays))
+
+
+class KalmanFilter:
+    """Filters poses frame by frame: each result is of the frame itself.
+
+    The state holds 26 pose numbers (angles, a small turn of the world on the left of the
+    rotation, translation) and their velocities, with their full covariance. The turn's reference
+    is moved along, so that there is no wrap-around. A frame is measured with the information of
+    its joints, the Gauss-Newton Hessian (26 x 26) over the joints' noise: what was seen poorly is
+    trusted less. Coupled, its pose is the one that fits the joints and the prediction best,
+    under the limits (maximum a posteriori); else it is the raw fit.
+    """
+
+    def __init__(self, model: HandModel, settings: FilterSettings, coast_s: float):
+        """Args:
+        model: the hand.
+        settings: which filter.
+        coast_s: how long to predict where nothing is fitted [s].
+        """
+        self._buffer = np.zeros(LONG)
+        kernels.load(self._buffer, *(np.array(x) for x in bcd.constants(model)))
+        follow = settings.process_noise == "auto"
+        self._settings: tuple[Any, ...] = (
+            int(settings.couple),
+            int(follow),
+            settings.noise_m2 or 0.0,
+            _NOISE_GAIN,
+            int(coast_s * 1e9),
+            process_noise.MEMORY_S,
+        )
+        factor = settings.process_noise
+        density = process_noise.DENSITY if factor == "auto" else process_noise.scaled(factor)
+        self._process = process_noise.process(density)
+        self._grid = process_noise.tried()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._state: Any = (  # as `filter_frames` has it
+            np.zeros(process_kernel.STATE),
+            np.zeros(2, np.int64),
+            np.zeros((kernels.MATRICES, N_POSE, N_POSE)),
+            np.zeros((process_kernel.VECTORS, N_POSE)),
+            self._buffer,
+            np.zeros((self._grid.shape[1], process_kernel.BANK, N_POSE)),
+            np.zeros(20),
+            np.zeros(12),
+        )
+
+    def advance(self, frames: Frames) -> Steadied:
+        """Take in the next frames.
+
+        Args:
+            frames: with their raw fits.
+
+        Returns:
+            rows like them of the frames whose pose is final, in order, NaN where nothing is
+            known; and which of them are known.
+        """
+        out, notes = self._run(frames, None)
+        return out, notes[:, kernels.KIND] != kernels.NOTHING
+
+    def finish(self) -> Steadied:
+        """The frames that are still to come; the filter is as new then."""
+        self.reset()
+        return _no_frames()
+
+    def _run(self, frames: Frames, kept: Kept | None) -> tuple[Array, Array]:
+        """Rows (T, OUT_SIZE) and notes (T, 3), as `filter_frames` has them."""
+        n = len(frames.raw)
+        out, notes = np.full((n, OUT_SIZE), np.nan), np.zeros((n, 3))
+        kernels.filter_frames(
+            self._state,
+            information.address,
+            self._settings,
+            self._process,
+            self._grid,
+            *frames,
+            out,
+            notes,
+            int(kept is not None),
+            (kept or _NONE_KEPT).arrays,
+        )
+        return out, notes
+
+
+_NONE_KEPT = Kept(0)
+
+
+def _no_frames() -> Steadied:
+    return np.empty((0, OUT_SIZE)), np.empty(0, dtype=np.bool_)
+
+
+class FixedLagFilter:
+    """A Kalman filter whose results are smoothed by the frames after them: they come later."""
+
+    def __init__(self, kalman: KalmanFilter, lag: int):
+        """Args:
+        kalman: the filter.
+        lag: how many frames later the results come.
+        """
+        self._kalman, self.lag = kalman, lag
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._kalman.reset()
+        self._kept, self._notes = Kept(0), np.zeros((0, 3))
+
+    def advance(self, frames: Frames) -> Steadied:
+        """As `KalmanFilter.advance`."""
+        before, n = len(self._notes), len(frames.raw)
+        kept = Kept(before + n)
+        for new, old in zip(kept.arrays, self._kept.arrays, strict=True):
+            new[:before] = old
+        part = kept.part(slice(before, None))
+        notes = self._kalman._run(frames, part)[1]
+        notes = np.concatenate([self._notes, notes])
+        ready = max(len(notes) - self.lag, 0)
+        out = np.full((ready, OUT_SIZE), np.nan)
+        smoother_kernel.lag_frames(
+            self._kalman._state, information.address, self.lag, notes, kept.arrays, out
+        )
+        self._kept, self._notes = kept.part(slice(ready, None)), notes[ready:]
+        return out, notes[:ready, kernels.KIND] != kernels.NOTHING
+
+    def finish(self) -> Steadied:
+        """As `KalmanFilter.finish`."""
+        notes, kept = self._notes, self._kept
+        out = np.full((len(notes), OUT_SIZE), np.nan)
+        smoother_kernel.smooth_frames(
+            self._kalman._state, information.address, 0, len(notes), notes, kept.arrays, out
+        )
+        self.reset()
+        return out, notes[:, kernels.KIND] != kernels.NOTHING
+
+
+class Smoother:
+    """Rauch, Tung and Striebel's smoother: results come when the sequence is finished.
+
+    The joints' noise, and the motion's unless it is given, are learnt from the whole sequence.
+    Long sequences are smoothed in windows that look far beyond their end.
+    """
+
+    def __init__(self, kalman: KalmanFilter, settings: FilterSettings):
+        """Args:
+        kalman: the filter.
+        settings: which filter.
+        """
+        self._kalman, self._learn = kalman, settings.process_noise == "auto"
+        self._process, self._settings = kalman._process, kalman._settings
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._kalman.reset()
+        self._parts: list[Frames] = []
+
+    def advance(self, frames: Frames) -> Steadied:
+        """As `KalmanFilter.advance`; no frame is final."""
+        self._parts.append(frames)
+        return _no_frames()
+
+    def finish(self) -> Steadied:
+        """As `KalmanFilter.finish`."""
+        if not self._parts:
+            return _no_frames()
+        inputs = Frames(*(np.concatenate(x) for x in zip(*self._parts, strict=True)))
+        kalman, (coupled, _, noise, *rest) = self._kalman, self._settings
+        shown = inputs.raw[:, OUT_NOISE]
+        if not noise and np.isfinite(shown).any():
+            noise = max(float(np.nanmedian(shown)), kernels.LEAST_NOISE)
+        kalman._settings = (coupled, 0, noise, *rest)
+        if self._learn:
+            kalman._process = process_noise.process(self._learnt(inputs))
+        out = self._smoothed(inputs)
+        kalman._process, kalman._settings = self._process, self._settings
+        self.reset()
+        return out
+
+    def _learnt(self, inputs: Frames) -> Array:
+        """(26,) densities that make stretches of the sequence the likeliest."""
+        n = len(inputs.raw)
+        count = min(_STRETCHES, -(-n // _STRETCH))
+        begins = np.linspace(0, max(n - _STRETCH, 0), count).astype(int)
+        climber, work = process_noise.Climber(), np.zeros((8, N_POSE, N_POSE))
+        kept = Kept(min(n, _STRETCH))
+        while True:
+            self._kalman._process = process_noise.process(climber.density)
+            likelihood, evidence = 0.0, np.zeros((2, N_POSE))
+            for begin in begins:
+                self._kalman.reset()
+                part = inputs.part(slice(begin, begin + _STRETCH))
+                notes = self._kalman._run(part, kept)[1]
+                smoother_kernel.motion_evidence(notes, kept.arrays, work, evidence)
+                likelihood += float(notes[:, kernels.LIKELIHOOD].sum())
+            if not climber.step(likelihood, evidence):
+                return climber.best
+
+    def _smoothed(self, inputs: Frames) -> Steadied:
+        n = len(inputs.raw)
+        kalman = self._kalman
+        kalman.reset()
+        out, known = np.full((n, OUT_SIZE), np.nan), np.zeros(n, dtype=np.bool_)
+        kept = Kept(min(n, _WINDOW + _BEYOND))
+        for begin in range(0, n, _WINDOW):
+            last, end = min(begin + _WINDOW, n), min(begin + _WINDOW + _BEYOND, n)
+            notes = np.empty((end - begin, 3))
+            for a, b in ((begin, last), (last, end)):
+                part = inputs.part(slice(a, b))
+                place = slice(a - begin, b - begin)
+                notes[place] = kalman._run(part, kept.part(place))[1]
+                if b == last:
+                    at_last = tuple(x.copy() for x in kalman._state)
+            window = kept.part(slice(0, end - begin)).arrays
+            smoother_kernel.smooth_frames(
+                kalman._state, information.address, 0, last - begin, notes, window, out[begin:last]
+            )
+            known[begin:last] = notes[: last - begin, kernels.KIND] != kernels.NOTHING
+            kalman._state = at_last
+        return out, known
