@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import SettingsError
+from handtrack.hand.mano_pose import to_mano
 from handtrack.hand.model import HandModel
-from handtrack.hand.rotations import matrix_to_quaternion
+from handtrack.hand.rotations import matrix_to_quaternion, quaternion_to_matrix
 from handtrack.hand.skeleton import (
     ANGLE_NAMES,
     JOINT_NAMES,
@@ -89,6 +90,10 @@ def state_messages(track: Track, frames: slice) -> list[bytes]:
         if array is not None:
             layout.numbers(field.number, field.name, field.size)
             values[field.name] = array[frames].astype("<f8")
+    if track.model.licensed:
+        for number, name, array in _mano(track, frames):
+            layout.numbers(number, name, array.shape[1])
+            values[name] = array.astype("<f8")
     layout.number(15, "objective").number(16, "sweeps")
     status, reason = track.status[frames], track.reason[frames]
     rows = layout.rows(len(status), **values)
@@ -96,6 +101,18 @@ def state_messages(track: Track, frames: slice) -> list[bytes]:
         row.tobytes() + _text_field(17, s) + _text_field(18, r)
         for row, s, r in zip(rows, status.tolist(), reason.tolist(), strict=True)
     ]
+
+
+def _mano(track: Track, frames: slice) -> list[tuple[int, str, Array]]:
+    """Fields of the filtered poses as MANO's: number, name, (n, k), NaN where there is none."""
+    angles, quaternion = track.angles[frames], track.quaternion[frames]
+    translation = track.translation[frames]
+    known = np.isfinite(np.hstack([angles, quaternion, translation])).all(1)
+    pose, transl = np.full((len(angles), 48), np.nan), np.full((len(angles), 3), np.nan)
+    rotation = quaternion_to_matrix(quaternion[known])
+    mano = to_mano(track.model, angles[known], rotation, translation[known])
+    pose[known], transl[known] = mano.values, mano.transl
+    return [(19, "mano_pose", pose), (20, "mano_transl", transl)]
 
 
 def _text_field(number: int, value: str) -> bytes:

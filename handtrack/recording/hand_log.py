@@ -72,8 +72,8 @@ class HandLog:
             *([(style.TRUTH, "truth")] if hand.track.truth is not None else []),
         ]
         self._normals: VertexNormals | None = None
-        if mesh and len(model.rest_vertices):
-            self._normals = VertexNormals(model.faces, len(model.rest_vertices))
+        if mesh and hand.track.n_vertices:
+            self._normals = VertexNormals(hand.track.faces, hand.track.n_vertices)
         self._before = ("fitted", "")
         self._status = ""
 
@@ -93,7 +93,7 @@ class HandLog:
         self._static(f"{world}/limits", marks)
         if self._normals is not None:
             colour = style.skin_colour(hand.number, hand.run)
-            mesh = rr.Mesh3D.from_fields(triangle_indices=track.model.faces, albedo_factor=colour)
+            mesh = rr.Mesh3D.from_fields(triangle_indices=track.faces, albedo_factor=colour)
             self._static(f"{world}/skin", mesh)
         for finger, name in enumerate(FINGERS):
             entity = f"angles/{hand.topic}/{name}"
@@ -169,16 +169,20 @@ class HandLog:
         """The skin of the filtered pose, with normals; nothing where there is no pose."""
         import rerun as rr
 
-        for rows in batches(len(part), BATCH):
+        for batch in batches(len(part), BATCH):
             with np.errstate(invalid="ignore", divide="ignore"):
-                vertices = part.vertices(rows).astype(np.float32)
-            known = np.isfinite(vertices[:, 0]).all(1)
+                vertices = part.vertices(batch).astype(np.float32)
+            known = np.asarray(np.isfinite(vertices[:, 0]).all(1))
             vertices = vertices[known]
+            # a skin that was not recorded, though there is a pose, leaves the one before
+            lost = ~np.asarray(np.isfinite(part.angles[batch]).all(1))
+            sent = np.asarray(known | lost)
+            rows, known = np.arange(len(part))[batch][sent], known[sent]
             columns = rr.Mesh3D.columns(
                 vertex_positions=vertices.reshape(-1, 3),
                 vertex_normals=normals(vertices).reshape(-1, 3),
             )
-            counts = known * len(part.model.rest_vertices)
+            counts = known * part.n_vertices
             self._send(part, f"world/{self._hand.topic}/skin", columns.partition(counts), rows)
 
     def _skeleton(self, part: Track, class_id: int, joints: Array) -> None:

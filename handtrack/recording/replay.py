@@ -106,7 +106,7 @@ def replay(
     frames = sum(len(h.track) for h in hands)
     if mesh is None:
         mesh = frames <= MOST_SKINS
-        if not mesh and any(len(h.track.model.rest_vertices) for h in hands):
+        if not mesh and any(h.track.n_vertices for h in hands):
             say(f"{frames:,} frames are shown without the skin; --mesh draws it")
     if save is not None:
         return save_hands(hands, Path(save), mesh=mesh, limits=limits, side_by_side=side_by_side)
