@@ -36,6 +36,7 @@ _WHERE = {
     "McapRecorder": "recording.recorder",
     "log_rerun": "recording.rerun_log",
     "export": "recording.export.files",
+    "LiveViewer": "recording.live",
     "stability": "evaluation.stability",
 }
 
@@ -58,6 +59,7 @@ if TYPE_CHECKING:
     from handtrack.hand.limits import Limits as Limits
     from handtrack.hand.model import HandModel as HandModel
     from handtrack.recording.export.files import export as export
+    from handtrack.recording.live import LiveViewer as LiveViewer
     from handtrack.recording.mcap_io import follow_mcap as follow_mcap
     from handtrack.recording.mcap_io import read_mcap as read_mcap
     from handtrack.recording.mcap_io import write_mcap as write_mcap

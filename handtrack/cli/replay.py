@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from handtrack.cli.inputs import recordings
+from handtrack.cli.live import connect_option
 from handtrack.cli.options import part_options, quiet_option
 from handtrack.cli.outputs import check_target
 from handtrack.errors import SettingsError
@@ -20,13 +21,7 @@ from handtrack.errors import SettingsError
     "--port", type=click.IntRange(1, 65535), metavar="PORT", help="Port of the browser viewer."
 )
 @click.option("--no-open", is_flag=True, help="With --web, only print the address.")
-@click.option(
-    "--connect",
-    metavar="[HOST:PORT]",
-    is_flag=False,
-    flag_value="",
-    help="Send to a viewer that runs already, by default on this machine.",
-)
+@connect_option
 @click.option("--speed", type=float, metavar="X", help="Send in recorded time, X times as fast.")
 @part_options
 @click.option("--side-by-side", is_flag=True, help="A 3D view for each file.")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handtrack.cli.inputs import Reading, reading_options
+from handtrack.cli.live import live_options, live_view
 from handtrack.cli.models import model_options, take_models
 from handtrack.cli.options import (
     json_option,
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     help="Of a video or images: the hand drawn over them, .mp4 or .png (the first picture).",
 )
 @recording_options
+@live_options
 @json_option
 @quiet_option
 @reading_options
@@ -53,6 +55,8 @@ def track(
     rrd: Path | None,
     no_repair: bool,
     overlay: Path | None,
+    live: bool,
+    connect: str | None,
     as_json: bool,
     quiet: bool,
     **options: Any,
@@ -80,6 +84,7 @@ def track(
     for repair in repairs if not quiet else ():
         click.echo(f"repaired: {repair}", err=True)
     work = jobs(sequences, input, output, rrd)
+    show = live_view(live, connect, sequences, mesh=recording["mesh"] != "none")
     tracks: list[Track] = []
     left_out: list[str] = []
     seconds = 0.0
@@ -105,7 +110,8 @@ def track(
                     start, stretches = time.perf_counter(), Stretches(record, i)
                     try:
                         model = models.of(sequence.hand)
-                        hooks: dict[str, Any] = {"progress": progress.frames, "on_part": stretches}
+                        parts = show.parts(sequence, stretches)
+                        hooks: dict[str, Any] = {"progress": progress.frames, "on_part": parts}
                         result = ht.track(sequence, model, **hooks, **settings)
                         _check_fitted(result)
                     except HandtrackError as error:
@@ -139,12 +145,13 @@ def track(
         click.echo(f"warning: {note}", err=True)
 
     frames = sum(map(len, tracks))
+    rate = frames / (seconds - show.seconds)
     report = ht.stability(tracks)
     if as_json:
         notes = [f"{s.name}: {note}" for s in sequences for note in s.notes]
         result_dict = report.to_dict() | {
             "outputs": [str(path) for path in written],
-            "frames_per_second": frames / seconds,
+            "frames_per_second": rate,
             "warnings": notes + repairs + left_out,
         }
         click.echo(json.dumps(result_dict, indent=2, allow_nan=False))
@@ -156,7 +163,8 @@ def track(
         if len(work) > 1:
             folders = dict.fromkeys(str(path.parent) for path in written)
             where = f"{len(written)} files in {' and '.join(folders)}"
-        click.echo(f"tracked {frames:,} frames at {frames / seconds:,.0f} frames/s -> {where}")
+        click.echo(f"tracked {frames:,} frames at {rate:,.0f} frames/s -> {where}")
+    show.wait(silent)
 
 
 def _check_overlay(path: Path, source: Path, found: Detections | None) -> None:

@@ -20,6 +20,7 @@ import pytest
 from made_tracks import make_track
 
 import handtrack as ht
+from handtrack.cli import run
 from handtrack.recording.live import LiveViewer
 from handtrack.recording.mcap_io import write_mcap
 from handtrack.recording.replay import replay
@@ -125,6 +126,27 @@ def test_a_hand_is_seen_while_it_is_tracked(screen: Screen, sample: ht.Sequence)
         viewer.flush()
         assert there(screen.until(there))
     screen.picture("live")
+
+
+def test_track_live_shows_and_records(
+    screen: Screen, sample_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = tinted(screen.picture(), SKIN)
+    output = tmp_path / "run.mcap"
+    options = ["--frames", "0:60", "--live", "--connect", screen.address, "-o", str(output)]
+    assert run(["track", str(sample_file), *options]) == 0
+    assert "tracked 61 frames" in capsys.readouterr().out
+    (track,) = ht.read_mcap(output)
+    assert len(track) == 61
+
+    def there(picture: np.ndarray) -> bool:
+        skin = tinted(picture, SKIN)
+        return bool(skin.mean() > 0.02 and change(before, skin) > 0.2)
+
+    assert there(screen.until(there))
+    screen.picture("track-live")
+    assert run(["track", str(sample_file), "--connect", screen.address]) == 2
+    assert "--connect belongs to --live" in capsys.readouterr().err
 
 
 def test_two_runs_side_by_side_have_their_colours(screen: Screen, tmp_path: Path) -> None:

@@ -69,6 +69,30 @@ def test_skin(found: dict[str, Any], track: Track) -> None:
     np.testing.assert_array_equal(faces, track.model.faces)
 
 
+def test_a_skin_recorded_now_and_then_stays_in_between(track: Track, tmp_path: Path) -> None:
+    class Recorded:
+        """Every third skin of the track, as a recording of a licensed model gives them."""
+
+        n_vertices, faces = track.n_vertices, track.faces
+
+        def vertices(self, frames: Any) -> np.ndarray:
+            out = track.vertices()
+            out[np.arange(len(out)) % 3 > 0] = np.nan
+            return out[frames]
+
+    path = log_rerun(dataclasses.replace(track, skin=Recorded()), save=tmp_path / "run.rrd")
+    assert path is not None
+    skin = rrd_columns(path)["/world/right/skin"]
+    counts = dict(zip(skin["frame"], map(len, skin["Mesh3D:vertex_positions"]), strict=True))
+    lost = track.status == "lost"
+    expected = {
+        frame: 0 if gone else track.n_vertices
+        for i, (frame, gone) in enumerate(zip(track.frame_index.tolist(), lost, strict=True))
+        if gone or i % 3 == 0
+    }
+    assert counts == expected
+
+
 @pytest.mark.parametrize(
     ("name", "attribute"),
     [

@@ -19,6 +19,10 @@ def arrays(track: Track) -> dict[str, Any]:
 
     The observed joints are `joints_m`, with `confidence`, `time_ns`, `frame_index`, `hand` and,
     if known, `truth_m`: `handtrack.load` reads the file again as the sequence that was tracked.
+
+    Of a MANO hand there are also `mano_global_orient_rad` (T, 3), `mano_hand_pose_rad` (T, 45),
+    `mano_transl_m` (T, 3) and `mano_betas` (S,), as smplx takes them with flat_hand_mean=True
+    and use_pca=False (see `to_mano`); no betas where calibration changed the hand.
     """
     model = track.model
     made: dict[str, Any] = {

@@ -129,6 +129,8 @@ def _write(
         notes.append(write_glb(hands, part, f"handtrack {__version__}"))
         if any(h.model.licensed and len(h.model.rest_vertices) for h in hands):
             notes.append("the skin is licensed: it may not be passed on")
+        if any(h.model.pose_blend is not None for h in hands):
+            notes.append("without pose blend shapes, which glTF has no place for")
     else:
         ((_, track),) = group
         if kind == ".csv":
