@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.fitting import covariance, frames, lanes
-from handtrack.fitting import newton as solve
-from handtrack.fitting.compiled import compile_beside
+from handtrack.fitting import bends, covariance, frames, lanes
+from handtrack.fitting.compiled import addresses
+from handtrack.fitting.newton import newton
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
 
@@ -176,12 +176,17 @@ class Program:
             raise SettingsError("max_sweeps must be at least 1 and tolerance at least 0")
         if noise_mm is not None and not 0 < noise_mm < np.inf:
             raise SettingsError(f"noise_mm is {noise_mm}, expected a positive number")
-        if update == "exact":
-            from handtrack.fitting.descent import bcd_exact as bcd
-        else:
+        if update == "li2021":
             from handtrack.fitting.li2021 import bcd_li2021 as bcd
-        newton = solve.newton.address if (update, method) == ("exact", "newton") else 0
-        self.solvers = (bcd.address, newton, covariance.unit_covariance.address)
+        else:
+            from handtrack.fitting.descent import bcd_exact as bcd
+        if (update, method) == ("exact", "newton"):
+            parts = newton, bcd, bends.other_bends, covariance.unit_covariance
+            step, sweep, other, known = addresses(*parts, meanwhile=_load_loop)
+        else:
+            sweep, known = addresses(bcd, covariance.unit_covariance)
+            step = other = 0
+        self.solvers = (sweep, step, other, known)
         # reweighting converges linearly: let it come as near
         share = tolerance if robust == "none" else 1e-2 * tolerance
         self.settings = (
@@ -413,23 +418,17 @@ def start_at(model: HandModel, start: Fit | ArrayLike | None = None) -> Array:
     return keep
 
 
-def warm_up() -> None:
-    """Load the compiled code, or compile it (on the machine's first run) on two cores."""
-    from handtrack.fitting import descent
-
-    beside = None
-    if not (solve.newton.cached or descent.bcd_exact.cached):
-        beside = compile_beside(
-            {descent.__name__: "bcd_exact", covariance.__name__: "unit_covariance"}
-        )
+def _load_loop() -> None:
+    """Load the frame loop's machine code, or compile it: run it with no frame."""
     model = HandModel.default()
-    ready = [solve.newton.address]
-    # the frame loop with no frame
     none = np.empty((0, N_JOINTS, 3)), np.empty((0, N_JOINTS))
     settings = (0, 1, 1, 0.0, lanes.NO_LOSS, 0.0, 0.0, 1, 0)
     arrays = (model.mean_angles, start_at(model), *none, Results(0).rows, Results(0).covariance)
-    frames.fit_frames(constants(model), (0, 0, 0), settings, *arrays)
-    if beside is not None:
-        beside.wait()
-    ready += [descent.bcd_exact.address, covariance.unit_covariance.address]
+    frames.fit_frames(constants(model), (0, 0, 0, 0), settings, *arrays)
+
+
+def warm_up() -> None:
+    """Load the compiled code, or compile it (on the machine's first run) on two cores."""
+    Program()
+    model = HandModel.default()
     fit(model, model.rest_joints)

@@ -1,7 +1,8 @@
 """How the project's inner loops are compiled: numba, cached on disk.
 
 Machine code is made on the first run and kept in numba's cache: beside the package, or in the
-user's cache folder where that is not writable. Arguments of compiled code are trusted; callers
+user's cache folder where that is not writable; with no such folder it is made in every process.
+Arguments of compiled code are trusted; callers
 validate.
 
 A *solver* is a compiled function of the fitter's buffer alone. Compiled code calls it by its
@@ -64,10 +65,19 @@ def _source(module: str) -> str:
     return inspect.getsource(sys.modules[module])
 
 
+def _store(function: Callable[..., Any]) -> Any:
+    """Where the function's machine code is kept; None where no folder can be written to."""
+    try:
+        return FunctionCache(function)  # type: ignore[no-untyped-call]
+    except RuntimeError:
+        return None
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls, without the GIL."""
     options: Any = {"no_cfunc_wrapper": True, **_OPTIONS}
-    return numba.njit(cache=True, nogil=True, **options)(_versioned(function))
+    function = _versioned(function)
+    return numba.njit(cache=_store(function) is not None, nogil=True, **options)(function)
 
 
 def inline(function: Callable[..., Any]) -> Any:
@@ -81,28 +91,53 @@ class Solver:
     """A compiled function of the fitter's buffer, called by its `address`."""
 
     def __init__(self, function: Callable[..., Any]):
+        self.name = function.__name__
         self.function = _versioned(function)
         self.__doc__ = function.__doc__
 
     @cached_property
     def address(self) -> int:
         """Where its machine code is; loads it from the cache, or compiles it."""
-        compiled = numba.cfunc(types.void(_BUFFER), cache=True, **_OPTIONS)(self.function)
+        cache = _store(self.function) is not None
+        compiled = numba.cfunc(types.void(_BUFFER), cache=cache, **_OPTIONS)(self.function)
         self._keep = compiled  # the code lives as long as this object
         address: Any = compiled.address
         return int(address)
 
     @property
-    def cached(self) -> bool:
-        """Whether its machine code is in the cache on disk."""
-        stored: Any = FunctionCache(self.function)  # type: ignore[no-untyped-call]
-        return any(Path(stored.cache_path).glob(f"*.{self.function.__qualname__}-*.nbi"))
+    def ready(self) -> bool:
+        """Whether its machine code is loaded or on disk, or will not stay there."""
+        if "address" in self.__dict__:
+            return True
+        store = _store(self.function)
+        if store is None:
+            return True
+        return any(Path(store.cache_path).glob(f"*.{self.function.__qualname__}-*.nbi"))
 
 
-def compile_beside(solvers: dict[str, str]) -> subprocess.Popen[bytes]:
-    """Start compiling solvers, by module, in a second process, into the shared cache."""
-    code = "; ".join(f"import {m}; {m}.{name}.address" for m, name in solvers.items())
-    return subprocess.Popen([sys.executable, "-c", code])
+def addresses(*solvers: Solver, meanwhile: Callable[[], object] | None = None) -> tuple[int, ...]:
+    """The solvers' addresses. What is to be compiled is compiled on two cores.
+
+    Args:
+        solvers: the first one, the longest to compile, is compiled here, the others in a second
+            process, into the shared cache.
+        meanwhile: is called here while the second process may still compile.
+    """
+    missing = [solver for solver in solvers[1:] if not solver.ready]
+    beside = None
+    if missing and not solvers[0].ready:
+        code = f"import sys; sys.path[:] = {sys.path}"
+        for solver in missing:
+            module = solver.function.__module__
+            code += f"; import {module}; {module}.{solver.name}.address"
+        # should it fail, the code is made here
+        beside = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL)
+    first = solvers[0].address
+    if beside is not None:
+        if meanwhile is not None:
+            meanwhile()
+        beside.wait()
+    return (first, *(solver.address for solver in solvers[1:]))
 
 
 @intrinsic

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from handtrack.fitting.arrowhead import (
     eliminate_fingers,
     factor_faces,
@@ -16,9 +14,6 @@ from handtrack.fitting.compiled import Solver, inline
 from handtrack.fitting.fingers import guess_faces
 from handtrack.fitting.lanes import (
     COVARIANCE,
-    D_2,
-    D_3,
-    D_Y,
     D_Z,
     FREE_2,
     FREE_3,
@@ -42,39 +37,145 @@ from handtrack.fitting.lanes import (
     R_1,
     R_2,
     R_3,
+    ROOT,
+    SCHUR,
     SYSTEM,
-    buffer_rotation,
+    VARIANCE,
     differentiate,
     place,
 )
 
 # variance at unit noise that stands for "not observed" [rad^2/m^2]
 _UNSEEN = 1e7
+# The covariance is a sum of outer products: every unknown has six numbers from the root, and an
+# angle four more from its own finger. SHARED: six rows of ANGLES lanes for the angles (slots in
+# their order) and eight for the root; OWN: slot 4 a + i for angle a. They take up space that
+# `eliminate_fingers` leaves.
+ANGLES = 4 * LANES
+WIDTH = ANGLES + LANES
+SHARED, OWN, LINE = SCHUR, R_0, SCHUR + 6 * WIDTH
 
 
 @inline
-def hide_unseen(s, out):
-    """Infinite variance for the angles that nothing observes."""
-    for f in range(5):
-        for i in range(4):
-            g = s[(D_Z if i == 0 else (D_Y if i == 1 else (D_2 if i == 2 else D_3))) + f]
-            k = 4 * f + i
-            if g <= 0.0 or not out[k, k] < _UNSEEN:
-                for j in range(26):
-                    out[k, j] = out[j, k] = 0.0
-                out[k, k] = math.inf
+def factor_root(s):
+    """SYSTEM into L L^T: L^T above the diagonal, on it the inverses of L's."""
+    for k in range(6):
+        row = SYSTEM + k * LANES
+        d = 1.0 / math.sqrt(max(s[row + k], 1e-9 * s[row + 7]))
+        s[row + k] = d
+        for i in range(k + 1, 6):
+            s[row + i] *= d
+        for i in range(k + 1, 6):
+            for j in range(i, 6):
+                s[SYSTEM + i * LANES + j] -= s[row + i] * s[row + j]
+
+
+@inline
+def share_root(s):
+    """SHARED: what the root's six unknowns make of each unknown, through the root's L^-1.
+
+    An angle answers them by - H^-1 B; the root's own are turned into the world.
+    """
+    for i in range(6):
+        for f in range(LANES):
+            k, m = i * LANES + f, SHARED + i * WIDTH + f
+            x3 = -s[R_3 + k] * s[P_3 + f]
+            x2 = -s[R_2 + k] * s[P_2 + f] - s[L_23 + f] * x3
+            x1 = -s[R_1 + k] * s[P_1 + f] - s[L_12 + f] * x2 - s[L_13 + f] * x3
+            x0 = -s[R_0 + k] * s[P_0 + f]
+            x0 -= s[L_01 + f] * x1 + s[L_02 + f] * x2 + s[L_03 + f] * x3
+            c, n = s[NORMAL_Z + f], s[NORMAL_Y + f]
+            s[m], s[m + LANES] = c * x0 - n * x1, n * x0 + c * x1
+            s[m + 2 * LANES], s[m + 3 * LANES] = x2, x3
+            s[m + ANGLES] = 0.0
+    for i in range(3):
+        for j in range(3):
+            m = SHARED + ANGLES + j * WIDTH + i
+            s[m] = s[m + 3 * WIDTH + 3] = s[ROOT + 3 * i + j]
+    for i in range(6):
+        for j in range(i):
+            v = s[SYSTEM + j * LANES + i]
+            for m in range(WIDTH):
+                s[SHARED + i * WIDTH + m] -= v * s[SHARED + j * WIDTH + m]
+        v = s[SYSTEM + i * LANES + i]
+        for m in range(WIDTH):
+            s[SHARED + i * WIDTH + m] *= v
+
+
+@inline
+def own_parts(s):
+    """OWN: the angles' unit vectors through each finger's L^-1, over the pivots' roots."""
+    for f in range(LANES):
+        c, n = s[NORMAL_Z + f], s[NORMAL_Y + f]
+        l01, l02, l03 = s[L_01 + f], s[L_02 + f], s[L_03 + f]
+        l12, l13, l23 = s[L_12 + f], s[L_13 + f], s[L_23 + f]
+        p0, p1 = math.sqrt(s[P_0 + f]), math.sqrt(s[P_1 + f])
+        p2, p3 = math.sqrt(s[P_2 + f]), math.sqrt(s[P_3 + f])
+        m0, m1, m2, m3 = s[FREE_N + f], s[FREE_T + f], s[FREE_2 + f], s[FREE_3 + f]
+        for a in range(4):
+            v0 = (c if a == 0 else (n if a == 1 else 0.0)) * m0
+            v1 = (-n if a == 0 else (c if a == 1 else 0.0)) * m1 - l01 * v0
+            v2 = (m2 if a == 2 else 0.0) - l02 * v0 - l12 * v1
+            v3 = (m3 if a == 3 else 0.0) - l03 * v0 - l13 * v1 - l23 * v2
+            k = OWN + 4 * a * LANES + f
+            s[k], s[k + LANES] = v0 * p0, v1 * p1
+            s[k + 2 * LANES], s[k + 3 * LANES] = v2 * p2, v3 * p3
+
+
+@inline
+def find_variances(s):
+    """VARIANCE: the sums of the squares of an angle's numbers; infinite where nothing sees it."""
+    for a in range(4):
+        for f in range(5):
+            v = 0.0
+            for i in range(4):
+                v += s[OWN + (4 * a + i) * LANES + f] ** 2
+            for i in range(6):
+                v += s[SHARED + i * WIDTH + a * LANES + f] ** 2
+            seen = s[D_Z + a * LANES + f] > 0.0 and v < _UNSEEN
+            s[VARIANCE + 4 * f + a] = v if seen else math.inf
+
+
+@inline
+def multiply_out(s):
+    """COVARIANCE: the products of all unknowns' numbers, and the variances on the diagonal."""
+    for i in range(26):
+        f, a = i // 4, i % 4
+        p = SHARED + (a * LANES + f if i < 20 else ANGLES + i - 20)
+        x0, x1, x2 = s[p], s[p + WIDTH], s[p + 2 * WIDTH]
+        x3, x4, x5 = s[p + 3 * WIDTH], s[p + 4 * WIDTH], s[p + 5 * WIDTH]
+        for m in range(WIDTH):
+            q = SHARED + m
+            v = x0 * s[q] + x1 * s[q + WIDTH] + x2 * s[q + 2 * WIDTH]
+            v += x3 * s[q + 3 * WIDTH] + x4 * s[q + 4 * WIDTH] + x5 * s[q + 5 * WIDTH]
+            s[LINE + m] = v
+        if i < 20:
+            for b in range(4):
+                for k in range(4):
+                    x = s[OWN + (4 * a + k) * LANES + f] * s[OWN + (4 * b + k) * LANES + f]
+                    s[LINE + b * LANES + f] += x
+        out = COVARIANCE + 26 * i
+        for g in range(5):
+            for b in range(4):
+                s[out + 4 * g + b] = s[LINE + b * LANES + g]
+        for b in range(6):
+            s[out + 20 + b] = s[LINE + ANGLES + b]
+    for i in range(20):
+        if s[VARIANCE + i] == math.inf:
+            for j in range(26):
+                s[COVARIANCE + 26 * i + j] = s[COVARIANCE + 26 * j + i] = 0.0
+        s[COVARIANCE + 27 * i] = s[VARIANCE + i]
 
 
 @Solver
 def unit_covariance(s):
-    """Covariance (26, 26) of the pose at unit noise, from Gauss-Newton's Hessian on the face.
+    """Covariance of the pose at unit noise, from Gauss-Newton's Hessian on the face.
 
     Order: angles, a turn of the world on the left of the rotation, translation. What a limit
     holds has no variance; what nothing observes has infinite variance and no covariance.
-    Places the pose in the buffer; the covariance goes to COVARIANCE. Only the variances of
-    the angles where FULL in the buffer is 0.
+    Places the pose in the buffer. The angles' variances go to VARIANCE; and the matrix (26, 26)
+    to COVARIANCE, where FULL in the buffer is not 0.
     """
-    out = s[COVARIANCE : COVARIANCE + 676].reshape(26, 26)
     place(s)
     differentiate(s, 0.0)
     guess_faces(s)
@@ -82,91 +183,9 @@ def unit_covariance(s):
     factor_faces(s)
     root_hessian(s)
     eliminate_fingers(s)
-    # inverse of the root's Schur complement, by Gauss-Jordan
-    a = np.zeros((6, 12))
-    for i in range(6):
-        for j in range(6):
-            a[i, j] = s[SYSTEM + i * LANES + j]
-        a[i, 6 + i] = 1.0
-    for k in range(6):
-        d = max(a[k, k], 1e-9 * s[SYSTEM + k * LANES + 7])
-        for j in range(12):
-            a[k, j] /= d
-        for i in range(6):
-            if i != k:
-                v = a[i, k]
-                for j in range(12):
-                    a[i, j] -= v * a[k, j]
-    for i in range(26):
-        for j in range(26):
-            out[i, j] = 0.0
-    # how every angle answers the root (6), and its own face's inverse
-    answer = np.zeros((20, 6))
-    solved = np.zeros(4)
-    for f in range(5):
-        l01, l02, l03 = s[L_01 + f], s[L_02 + f], s[L_03 + f]
-        l12, l13, l23 = s[L_12 + f], s[L_13 + f], s[L_23 + f]
-        d0, d1, d2, d3 = s[P_0 + f], s[P_1 + f], s[P_2 + f], s[P_3 + f]
-        c, n = s[NORMAL_Z + f], s[NORMAL_Y + f]
-        for j in range(10):
-            if j < 6:
-                k = j * LANES + f
-                v0, v1, v2, v3 = s[R_0 + k], s[R_1 + k], s[R_2 + k], s[R_3 + k]
-            else:
-                # a unit vector of one angle, on the face and through L^-1
-                v0 = (c if j == 6 else (n if j == 7 else 0.0)) * s[FREE_N + f]
-                v1 = (-n if j == 6 else (c if j == 7 else 0.0)) * s[FREE_T + f]
-                v2 = (1.0 if j == 8 else 0.0) * s[FREE_2 + f]
-                v3 = (1.0 if j == 9 else 0.0) * s[FREE_3 + f]
-                v1 -= l01 * v0
-                v2 -= l02 * v0 + l12 * v1
-                v3 -= l03 * v0 + l13 * v1 + l23 * v2
-            x3 = v3 * d3
-            x2 = v2 * d2 - l23 * x3
-            x1 = v1 * d1 - l12 * x2 - l13 * x3
-            x0 = v0 * d0 - l01 * x1 - l02 * x2 - l03 * x3
-            solved[0], solved[1] = c * x0 - n * x1, n * x0 + c * x1
-            solved[2], solved[3] = x2, x3
-            for i in range(4):
-                if j < 6:
-                    answer[4 * f + i, j] = -solved[i]
-                else:
-                    out[4 * f + i, 4 * f + j - 6] = solved[i]
-    # the root's own covariance, turned to the world, and its part in the angles'
-    turned = np.zeros((26, 6))
-    for i in range(20):
-        for j in range(6):
-            for k in range(6):
-                turned[i, j] += answer[i, k] * a[k, 6 + j]
-    if s[FULL] == 0.0:
-        for i in range(20):
-            for k in range(6):
-                out[i, i] += turned[i, k] * answer[i, k]
-        hide_unseen(s, out)
-        return
-    for i in range(20):
-        for j in range(20):
-            for k in range(6):
-                out[i, j] += turned[i, k] * answer[j, k]
-    rot = buffer_rotation(s)
-    for i in range(26):
-        for h in range(2):
-            for j in range(3):
-                v = 0.0
-                for k in range(3):
-                    x = turned[i, 3 * h + k] if i < 20 else a[i - 20, 6 + 3 * h + k]
-                    v += rot[j][k] * x
-                out[i, 20 + 3 * h + j] = v
-    for j in range(20, 26):
-        for i in range(20):
-            out[j, i] = out[i, j]
-        # the root's block still has its rows in the root frame
-    for h in range(2):
-        for j in range(20, 26):
-            v = (out[20 + 3 * h, j], out[21 + 3 * h, j], out[22 + 3 * h, j])
-            for i in range(3):
-                w = 0.0
-                for k in range(3):
-                    w += rot[i][k] * v[k]
-                out[20 + 3 * h + i, j] = w
-    hide_unseen(s, out)
+    factor_root(s)
+    share_root(s)
+    own_parts(s)
+    find_variances(s)
+    if s[FULL] != 0.0:
+        multiply_out(s)

@@ -332,7 +332,8 @@ def descent(update_finger):
     return descend
 
 
-_descend = descent(finger_pass(saddle_exact, hinge_exact))
+update_finger_exact = finger_pass(saddle_exact, hinge_exact)
+_descend = descent(update_finger_exact)
 
 
 @Solver

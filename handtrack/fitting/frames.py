@@ -12,13 +12,17 @@ import numpy as np
 
 from handtrack.fitting.compiled import call, inline, kernel
 from handtrack.fitting.lanes import (
+    ANGLE_Z,
     COLD,
+    CONVERGED,
     COVARIANCE,
     FULL,
+    LANES,
     LOSS,
     MAX_STEPS,
     MAX_SWEEPS,
     OBJECTIVE,
+    RISE,
     SIZE,
     SPREAD2,
     STALLED,
@@ -27,7 +31,9 @@ from handtrack.fitting.lanes import (
     SWEEPS,
     TOLERANCE,
     TOO_FEW,
+    TRIAL,
     UNDERDETERMINED,
+    VARIANCE,
     load_frame,
     load_model,
     load_pose,
@@ -38,6 +44,12 @@ from handtrack.fitting.vectors import add, row, scale, sub
 
 # joints nearer than this to one line leave the rotation about it open [m]
 LINE = 1e-4
+
+# a finger's other bend is tried in a cold start where alone it adds no more than this share
+MISBENT = 0.02
+# and must gain this share to be taken; next to nothing then, but after a fitted frame that one
+# is, under noise, the better guess
+COLD_GAIN, WARM_GAIN = 1e-9, 0.1
 
 # a frame's row of results: angles, rotation, translation, quaternion, joints, objective, noise
 # (variance per coordinate), joints seen, state, sweeps, steps, variances of the angles
@@ -126,8 +138,8 @@ def fit_frames(model, solvers, settings, mean, keep, targets, weights, out, out_
 
     Args:
         model: (rest joints (21, 3), axes (20, 3), lower (20,), upper (20,), twist).
-        solvers: addresses of Algorithm 1, of the Newton steps (0: Algorithm 1 alone) and of
-            the covariance.
+        solvers: addresses of Algorithm 1, of the Newton steps (0: Algorithm 1 alone), of the
+            fingers' other bends (0: none are tried) and of the covariance.
         settings: (sweeps of a cold start, sweeps at most, steps at most, tolerance, robust loss,
             its spread [m], variance of the joints [m^2] or 0 for what the residual shows, joints
             below which a frame is not fitted, 1 where every frame starts anew from `mean`). With
@@ -146,7 +158,7 @@ def fit_frames(model, solvers, settings, mean, keep, targets, weights, out, out_
         GOOD; INFINITE_JOINT or BAD_WEIGHT (negative or not finite), and nothing is fitted.
     """
     rest, axes, lower, upper, twist = model
-    descend, newton, covariance = solvers
+    descend, newton, bends, covariance = solvers
     cold_sweeps, max_sweeps, max_steps, tolerance, loss, spread, known, min_joints, alone = settings
     for t in range(len(targets)):
         wrong = clean(targets[t], weights[t])
@@ -209,6 +221,22 @@ def fit_frames(model, solvers, settings, mean, keep, targets, weights, out, out_
                 best = s[OBJECTIVE]
                 state = int(s[STATE])
                 store_pose(s, best_angles, best_root)
+        if newton != 0 and bends != 0 and state == CONVERGED:
+            # a finger may be bent the wrong way
+            load_pose(s, best_angles, best_root)
+            call(bends, s)
+            warm = keep[MEMORY] == FITTED
+            enough = best * (1.0 - (WARM_GAIN if warm else COLD_GAIN))
+            for f in range(5):
+                if s[RISE + f] > (0.0 if warm else MISBENT * best):
+                    continue
+                load_pose(s, best_angles, best_root)
+                for a in range(4):
+                    s[ANGLE_Z + a * LANES + f] = s[TRIAL + a * LANES + f]
+                call(newton, s)
+                if s[OBJECTIVE] < enough and s[STATE] == CONVERGED:
+                    best = enough = s[OBJECTIVE]
+                    store_pose(s, best_angles, best_root)
         keep[MEMORY] = FITTED
         load_pose(s, best_angles, best_root)
         store_pose(s, angles, root)
@@ -227,7 +255,7 @@ def fit_frames(model, solvers, settings, mean, keep, targets, weights, out, out_
         out[t, OUT_STATE] = UNDERDETERMINED if line else state
         out[t, OUT_SWEEPS], out[t, OUT_STEPS] = s[SWEEPS], s[STEPS]
         for i in range(20):
-            v = s[COVARIANCE + 27 * i]
+            v = s[VARIANCE + i]
             out[t, OUT_VARIANCE + i] = v if math.isinf(v) else v / scale * noise
         if full:
             for i in range(26):

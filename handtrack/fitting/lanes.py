@@ -38,7 +38,8 @@ LOW_Z, LOW_Y, LOW_2, LOW_3, UP_Z, UP_Y, UP_2, UP_3, TWIST = range(27 * LANES, 36
 # the frame: weights and world targets of the joints base..tip
 W1, W2, W3, W4 = range(36 * LANES, 40 * LANES, LANES)
 T1, T2, T3, T4 = range(40 * LANES, 52 * LANES, VECTOR)
-# the pose, and what follows from it: joints, axes, targets; weights under the robust loss
+# the pose, and what follows from it: joints, axes, targets; weights under the robust loss, and
+# each finger's part of the objective
 ANGLE_Z, ANGLE_Y, ANGLE_2, ANGLE_3 = range(52 * LANES, 56 * LANES, LANES)
 X2, X3, X4, UX, UY, U2, U3, Y1, Y2, Y3, Y4 = range(56 * LANES, 89 * LANES, VECTOR)
 L1, L2, L3, L4, COST = range(89 * LANES, 94 * LANES, LANES)
@@ -64,19 +65,22 @@ BEFORE = 173 * LANES
 # the rows through L^-1, and each finger's share of the root's equations (6 x 7)
 R_0, R_1, R_2, R_3 = range(177 * LANES, 205 * LANES, ROW)
 SCHUR = 205 * LANES
+# a finger bent the other way: its angles, and what they add to the objective
+TRIAL, RISE = 247 * LANES, 251 * LANES
 # after the lanes. An equation of the root takes eight places: six unknowns, the gradient,
 # the least sound pivot
-ROOT = 247 * LANES
+ROOT = 252 * LANES
 ROOT_BEFORE = ROOT + 12
 RHO = ROOT_BEFORE + 12
 CHANGE = RHO + 8
 SYSTEM = CHANGE + 8
-# settings and results of the solvers, and the pose's covariance (26 x 26)
+# settings and results of the solvers; the angles' variances and the pose's covariance (26 x 26)
 MAX_SWEEPS, MAX_STEPS, TOLERANCE, LOSS, SPREAD2, COLD, FULL = range(
     SYSTEM + 6 * LANES, SYSTEM + 6 * LANES + 7
 )
 OBJECTIVE, SWEEPS, STEPS, STATE = range(FULL + 1, FULL + 5)
-COVARIANCE = STATE + 1
+VARIANCE = STATE + 1
+COVARIANCE = VARIANCE + 20
 SIZE = COVARIANCE + 26 * 26
 
 # what STATE says
@@ -242,8 +246,10 @@ def place(s):
         put(s, Y4 + f, y4)
         w1, w2, w3, w4 = s[W1 + f], s[W2 + f], s[W3 + f], s[W4 + f]
         s[L1 + f], s[L2 + f], s[L3 + f], s[L4 + f] = w1, w2, w3, w4
-        total += w1 * distance2(get(s, X1 + f), y1) + w2 * distance2(get(s, X2 + f), y2)
-        total += w3 * distance2(get(s, X3 + f), y3) + w4 * distance2(get(s, X4 + f), y4)
+        cost = w1 * distance2(get(s, X1 + f), y1) + w2 * distance2(get(s, X2 + f), y2)
+        cost += w3 * distance2(get(s, X3 + f), y3) + w4 * distance2(get(s, X4 + f), y4)
+        s[COST + f] = cost
+        total += cost
     return total if s[LOSS] == NO_LOSS else soften(s, s[LOSS], s[SPREAD2])
 
 
@@ -255,19 +261,21 @@ def soften(s, loss, spread2):
     q spread^2 / (q + spread^2).
     """
     total = 0.0
-    for j in range(4):
-        for f in range(6):
+    for f in range(6):
+        s[COST + f] = 0.0
+        for j in range(4):
             x = get(s, X1 + f) if j == 0 else get(s, X2 + (j - 1) * VECTOR + f)
             q = distance2(x, get(s, Y1 + j * VECTOR + f))
             w = s[W1 + j * LANES + f]
             if loss == HUBER:
                 slope = math.sqrt(spread2 / q) if q > spread2 else 1.0
                 s[L1 + j * LANES + f] = w * slope
-                total += w * (2.0 * slope * q - spread2 if q > spread2 else q)
+                s[COST + f] += w * (2.0 * slope * q - spread2 if q > spread2 else q)
             else:
                 g = spread2 / (q + spread2)
                 s[L1 + j * LANES + f] = w * g * g
-                total += w * q * g
+                s[COST + f] += w * q * g
+        total += s[COST + f]
     return total
 
 

@@ -54,6 +54,8 @@ from handtrack.fitting.vectors import cross, dot
 
 # the root has answered the fingers once its change is this small a share (squared) of its step
 INNER = 1e-2
+# how sure the estimate of what remains must be
+SURE = 100.0
 # steps with well-lifted pivots, and what is sound after them
 PATIENCE, WEAK_PIVOT = 8, 1e-3
 # [m^2] an objective this small is zero
@@ -155,11 +157,12 @@ def take_step(s, share):
 
 @Solver
 def newton(s):
-    """Newton steps from the pose in the buffer until the model promises no more.
+    """Newton steps from the pose in the buffer until there is no more to gain.
 
-    In the buffer: MAX_STEPS at most; TOLERANCE, to stop after a step that promised less than
-    this share of the objective. Adds to STEPS; sets OBJECTIVE and STATE to CONVERGED, LIMIT or
-    STALLED (no share of the step lowers the objective). The pose is never worse than before.
+    In the buffer: MAX_STEPS at most; TOLERANCE, to stop once less than this share of the
+    objective is to be gained, as steps promise it or as the last one's promise was kept. Adds to
+    STEPS; sets OBJECTIVE and STATE to CONVERGED, LIMIT or STALLED (no share of the step lowers
+    the objective). The pose is never worse than before.
     """
     cost = math.inf
     promise = math.inf
@@ -179,6 +182,11 @@ def newton(s):
                 share = 0.0
                 state = CONVERGED if promise <= 1e-9 * cost + NOTHING else STALLED
             continue
+        # What a step leaves is of the size of (broken promise)^2 / promise, if it is Newton's
+        broken = new - (cost - promise)
+        near = second == 1.0 and steps > 1.0 and promise <= SURE * s[TOLERANCE] * new
+        if near and share == 1.0 and SURE * broken * broken <= s[TOLERANCE] * new * promise:
+            state = CONVERGED
         cost = new
         # a full step squares the error; a shortened one may be rounding's
         if promise <= (s[TOLERANCE] if share == 1.0 else 1e-9) * cost + NOTHING:
