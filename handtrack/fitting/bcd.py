@@ -251,8 +251,19 @@ class Results:
         return self.rows[:, frames.OUT_STEPS]
 
     @property
+    def worst(self) -> Array:
+        """(T,) greatest distance of a joint to its fitted one [m]."""
+        return self.rows[:, frames.OUT_WORST]
+
+    @property
     def variance(self) -> Array:
         return self.rows[:, _VARIANCE]
+
+    def part(self, frames: slice) -> Results:
+        """Some of the frames, as views."""
+        part = Results.__new__(Results)
+        part.rows, part.covariance = self.rows[frames], self.covariance[frames]
+        return part
 
     def run(
         self,
@@ -337,7 +348,7 @@ _SHIFT = slice(frames.OUT_SHIFT, frames.OUT_QUATERNION)
 _QUATERNION = slice(frames.OUT_QUATERNION, frames.OUT_JOINTS)
 _JOINTS = slice(frames.OUT_JOINTS, frames.OUT_OBJECTIVE)
 _NUMBERS = slice(frames.OUT_OBJECTIVE, frames.OUT_VARIANCE)
-_VARIANCE = slice(frames.OUT_VARIANCE, frames.OUT_SIZE)
+_VARIANCE = slice(frames.OUT_VARIANCE, frames.OUT_WORST)
 
 
 def pose_of(row: Array) -> tuple[Array, Array, Array, Array]:

@@ -40,7 +40,7 @@ from handtrack.fitting.lanes import (
     store_joints,
     store_pose,
 )
-from handtrack.fitting.vectors import add, row, scale, sub
+from handtrack.fitting.vectors import add, distance2, row, scale, sub
 
 # joints nearer than this to one line leave the rotation about it open [m]
 LINE = 1e-4
@@ -52,10 +52,14 @@ MISBENT = 0.02
 COLD_GAIN, WARM_GAIN = 1e-9, 0.1
 
 # a frame's row of results: angles, rotation, translation, quaternion, joints, objective, noise
-# (variance per coordinate), joints seen, state, sweeps, steps, variances of the angles
+# (variance per coordinate), joints seen, state, sweeps, steps, variances of the angles, the
+# greatest distance of a joint to its fitted one; 1 where what was before means nothing (which is
+# for others to say), else 0
 OUT_ANGLES, OUT_ROOT, OUT_SHIFT, OUT_QUATERNION, OUT_JOINTS, OUT_OBJECTIVE = 0, 20, 29, 32, 36, 99
 OUT_NOISE, OUT_SEEN, OUT_STATE, OUT_SWEEPS, OUT_STEPS, OUT_VARIANCE = range(100, 106)
-OUT_SIZE = OUT_VARIANCE + 20
+OUT_WORST = OUT_VARIANCE + 20
+OUT_ANEW = OUT_WORST + 1
+OUT_SIZE = OUT_ANEW + 1
 
 # what is kept from frame to frame: angles, root, and whether they mean anything
 KEEP_ROOT, MEMORY = 20, 32
@@ -185,12 +189,14 @@ def fit_frames(model, solvers, settings, mean, keep, targets, weights, out, out_
                 scale = max(scale, weights[t, k])
         s[SWEEPS] = s[STEPS] = 0.0
         line = seen < 3 or on_a_line(targets[t], weights[t])
+        out[t, OUT_ANEW] = 0.0
         if seen < min_joints or (line and min_joints > 1):
             keep[MEMORY] = min(keep[MEMORY], LOST)
             for i in range(OUT_VARIANCE):
                 out[t, i] = math.nan
             for i in range(20):
                 out[t, OUT_VARIANCE + i] = math.inf
+            out[t, OUT_WORST] = math.nan
             out[t, OUT_SEEN] = seen
             out[t, OUT_STATE] = TOO_FEW if seen < min_joints else UNDERDETERMINED
             out[t, OUT_SWEEPS] = out[t, OUT_STEPS] = 0.0
@@ -242,6 +248,13 @@ def fit_frames(model, solvers, settings, mean, keep, targets, weights, out, out_
         store_pose(s, angles, root)
         call(covariance, s)
         store_joints(s, out[t, OUT_JOINTS:OUT_OBJECTIVE].reshape(21, 3))
+        worst = 0.0
+        for k in range(21):
+            if weights[t, k] > 0.0:
+                j = OUT_JOINTS + 3 * k
+                fitted = (out[t, j], out[t, j + 1], out[t, j + 2])
+                worst = max(worst, distance2(fitted, row(targets[t], k)))
+        out[t, OUT_WORST] = math.sqrt(worst)
         for i in range(20):
             out[t, OUT_ANGLES + i] = angles[i]
         for i in range(12):

@@ -75,6 +75,7 @@ class HandLog:
         if mesh and hand.track.n_vertices:
             self._normals = VertexNormals(hand.track.faces, hand.track.n_vertices)
         self._before = ("fitted", "")
+        self._had_rejected = False
         self._status = ""
 
     def begin(self) -> None:
@@ -91,6 +92,10 @@ class HandLog:
             self._static(f"{world}/{name}", points)
         marks = rr.Points3D.from_fields(radii=style.MARK_RADIUS, show_labels=False)
         self._static(f"{world}/limits", marks)
+        rejected = rr.Points3D.from_fields(
+            radii=style.REJECTED_RADIUS, colors=style.REJECTED, show_labels=False
+        )
+        self._static(f"{world}/rejected", rejected)
         if self._normals is not None:
             colour = style.skin_colour(hand.number, hand.run)
             mesh = rr.Mesh3D.from_fields(triangle_indices=track.faces, albedo_factor=colour)
@@ -128,6 +133,7 @@ class HandLog:
             return
         for class_id, attribute in self._skeletons:
             self._skeleton(part, class_id, getattr(part, attribute))
+        self._rejected(part)
         self._angles(part)
         self._marks(part)
         self._errors(part)
@@ -197,6 +203,21 @@ class HandLog:
                 keypoint_ids=np.nonzero(present)[1],
             )
             self._send(part, entity, columns.partition(present.sum(1)), rows)
+
+    def _rejected(self, part: Track) -> None:
+        """The observed joints that were not used, where there are some or were just before."""
+        import rerun as rr
+
+        counts = part.rejected.sum(1)
+        found = np.flatnonzero((counts > 0) | np.r_[self._had_rejected, counts[:-1] > 0])
+        self._had_rejected = bool(counts[-1])
+        if not found.size:
+            return
+        columns = rr.Points3D.columns(
+            positions=part.observed[found][part.rejected[found]].astype(np.float32)
+        )
+        topic = self._hand.topic
+        self._send(part, f"world/{topic}/rejected", columns.partition(counts[found]), found)
 
     def _marks(self, part: Track) -> None:
         """The joints that a limit holds, and those that are outside."""

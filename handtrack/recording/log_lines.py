@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 from handtrack.tracking.track import Track
@@ -34,10 +35,15 @@ def log_lines(track: Track, before: tuple[str, str] = ("fitted", "")) -> list[Li
     for frame, time, now in zip(
         track.frame_index.tolist(), track.time_ns.tolist(), states, strict=True
     ):
-        if now != before and time not in told:
-            status, reason = now
+        status, reason = now
+        # a reason that only its numbers tell from the last one is no news
+        if (status, _words(reason)) != (before[0], _words(before[1])) and time not in told:
             level = "warning" if status == "lost" else "info"
             text = f"frame {frame}: {status}{f': {reason}' if reason else ''}"
             lines.append(Line(time, level, text))
         before = now
     return sorted(lines, key=lambda line: line.time_ns)
+
+
+def _words(reason: str) -> str:
+    return re.sub(r"\d+", "", reason)

@@ -46,5 +46,7 @@ ARRAYS = (
     ArrayField(12, "fitted_joints", (21, 3)),
     ArrayField(13, "filtered_joints", (21, 3)),
     ArrayField(14, "angle_variance", (20,)),
+    ArrayField(21, "rejected", (21,), since=2, before=0.0),
+    ArrayField(22, "restart", (), since=2, before=0.0),
 )
 """`truth` is the only one that may be absent from all frames of a hand."""

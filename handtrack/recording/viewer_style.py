@@ -40,6 +40,9 @@ OUTSIDE: Colour = (255, 20, 50, 255)
 MARKS = np.array([(170, 80, 255, 255), OUTSIDE], np.uint8)
 """Colours of joints that a limit holds, and of joints outside their limits."""
 MARK_RADIUS = 0.0045
+REJECTED: Colour = (255, 70, 0, 255)
+"""Observed joints that are outliers and were not used."""
+REJECTED_RADIUS = 0.0055
 
 ERRORS: tuple[tuple[str, Colour], ...] = (
     ("mean to observed", (78, 156, 245, 255)),

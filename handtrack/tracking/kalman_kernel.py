@@ -21,6 +21,7 @@ from handtrack.fitting.dense import (
 )
 from handtrack.fitting.fingers import guess_faces
 from handtrack.fitting.frames import (
+    OUT_ANEW,
     OUT_ANGLES,
     OUT_JOINTS,
     OUT_NOISE,
@@ -547,6 +548,8 @@ def filter_frames(
 def _before(state, solver, settings, process, grid, now, targets, weights, row, note):
     x, times, p, v, s, bank, _, _ = state
     follow = settings[1]
+    if row[OUT_ANEW] > 0.0:
+        x[KNOWN] = 0.0
     kind = pass_time(x, times, v, settings, process, now, row[OUT_NOISE])
     note[KIND], note[LIKELIHOOD], note[JOINT_NOISE] = kind, 0.0, x[NOISE]
     for i in range(26):

@@ -58,6 +58,8 @@ class OneEuroFilter:
             since = int(times_ns[t]) - self._fitted_ns
             if self._known and since > self._coast_ns:
                 self._known = False
+            if row[rows.OUT_ANEW] > 0.0:
+                self._known = False
             if not np.isnan(row[rows.OUT_NOISE]):
                 self._take(row, since * 1e-9)
                 self._fitted_ns = int(times_ns[t])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import quaternion_to_matrix
-from handtrack.hand.skeleton import Hand
+from handtrack.hand.skeleton import N_JOINTS, Hand
 
 Array = NDArray[np.float64]
 STATUSES = ("fitted", "predicted", "lost")
@@ -88,6 +88,9 @@ class Track:
         sweeps: (T,) iterations of the fitter.
         status: (T,) of "fitted", "predicted", "lost".
         reason: (T,) why, for every frame that is not plainly fitted; else "".
+        rejected: (T, 21) joints that were seen, but are outliers and were not used.
+        restart: (T,) frames where the hand was found anew, far from where it was or in another
+            pose: what was before says nothing of them.
         model: the hand that was fitted.
         settings: what made the track: plain JSON values by name.
         version: version of handtrack that made it.
@@ -123,6 +126,14 @@ class Track:
     subject: str = ""
     events: tuple[Event, ...] = ()
     skin: Skin | None = None
+    rejected: NDArray[np.bool_] = field(default=None)  # type: ignore[arg-type]
+    restart: NDArray[np.bool_] = field(default=None)  # type: ignore[arg-type]
+
+    def __post_init__(self) -> None:
+        for name, shape in (("rejected", (len(self), N_JOINTS)), ("restart", (len(self),))):
+            given = getattr(self, name)
+            array = np.zeros(shape, bool) if given is None else np.asarray(given, dtype=bool)
+            object.__setattr__(self, name, array)
 
     def __len__(self) -> int:
         return len(self.time_ns)

@@ -21,6 +21,7 @@ from handtrack.hand.skeleton import N_JOINTS
 from handtrack.sequences.sequence import Remark, Sequence
 from handtrack.tracking.filter_settings import LAG, FilterSettings
 from handtrack.tracking.filters import make_filter
+from handtrack.tracking.gating import PLAIN, REJECTED, Gate, Verdict
 from handtrack.tracking.kalman import Frames
 from handtrack.tracking.track import Event, Track
 
@@ -55,6 +56,8 @@ class TrackedFrame:
     sweeps: int
     status: str
     reason: str
+    rejected: NDArray[np.bool_]
+    restart: bool
 
 
 class Tracker:
@@ -77,6 +80,7 @@ class Tracker:
         lag: int = LAG,
         noise_mm: float | None = None,
         engine: str = "compiled",
+        gate: bool = True,
     ):
         """Args:
         model: the hand to fit.
@@ -85,6 +89,7 @@ class Tracker:
         min_joints: a frame with fewer observed joints is not fitted.
         coast_s: how long a filter predicts where nothing is fitted [s].
         process_noise, couple, lag, noise_mm, engine: of the filter, as in `FilterSettings`.
+        gate: leave out joints and frames that cannot be true (`handtrack.tracking.gating`).
 
         Raises:
             SettingsError: a value makes no sense.
@@ -105,17 +110,21 @@ class Tracker:
             "lag": lag,
             "noise_mm": noise_mm,
             "engine": engine,
+            "gate": gate,
         }
         self._program = bcd.Program(update, noise_mm=noise_mm)
+        self._gate = Gate(self._program, model, min_joints, coast_s) if gate else None
         self._filter = make_filter(steady, model, coast_s)
         self._waits = filter in ("fixed-lag", "rts")
-        self._waiting: deque[tuple[int, Array, Array, bcd.Results, int]] = deque()
+        self._waiting: deque[tuple[int, Array, Array, bcd.Results, int, Verdict]] = deque()
         self.reset()
 
     def reset(self) -> None:
         """Forget all frames seen, as if the tracker were new."""
         if self._filter is not None:
             self._filter.reset()
+        if self._gate is not None:
+            self._gate.reset()
         self._waiting.clear()
         self._keep = bcd.start_at(self.model)
         self._time_ns: int | None = None
@@ -177,9 +186,18 @@ class Tracker:
             )
         results = bcd.Results(len(times_ns), full=False)
         model, least = self.model, self.settings["min_joints"]
-        results.run(self._program, model, observed, w, self._keep, model.mean_angles, least)
+        given, verdicts = w, [PLAIN] * len(times_ns)
+        if self._gate is None:
+            results.run(self._program, model, observed, w, self._keep, model.mean_angles, least)
+        else:
+            given = w.copy()
+            verdicts = self._gate.run(results, times_ns, observed, w, self._keep)
+            given[np.isnan(observed[..., 0])] = 0.0
         self._time_ns = times_ns[-1]
-        frames = ((time_ns, observed[t], w[t], results, t) for t, time_ns in enumerate(times_ns))
+        frames = (
+            (time_ns, observed[t], given[t], results, t, verdicts[t])
+            for t, time_ns in enumerate(times_ns)
+        )
         if self._filter is None:
             return [self._frame(*frame, None, False) for frame in frames]
         self._waiting.extend(frames)
@@ -201,18 +219,21 @@ class Tracker:
         w: Array,
         results: bcd.Results,
         t: int,
+        verdict: Verdict,
         filtered: Array | None,
         known: bool,
     ) -> TrackedFrame:
         row = results.row(t)
         fitted = not math.isnan(row.objective)
-        reason = ""
-        if row.state == lanes.TOO_FEW:
+        reason = verdict.reason
+        if row.state == REJECTED:
+            pass
+        elif row.state == lanes.TOO_FEW:
             reason = f"{row.seen} of 21 joints observed, {self.settings['min_joints']} needed"
         elif row.state == lanes.UNDERDETERMINED:
             reason = "the observed joints lie on a line"
         elif row.state != lanes.CONVERGED:
-            reason = bcd.STATUS[row.state]
+            reason = "; ".join(filter(None, (reason, bcd.STATUS[row.state])))
         steady = results.rows[t] if filtered is None else filtered
         angles, quaternion, translation, joints = bcd.pose_of(steady)
         return TrackedFrame(
@@ -232,6 +253,8 @@ class Tracker:
             sweeps=row.sweeps + row.steps,
             status="fitted" if fitted else "predicted" if known else "lost",
             reason=reason,
+            rejected=verdict.rejected,
+            restart=verdict.restart,
         )
 
 
@@ -248,6 +271,7 @@ def track(
     lag: int = LAG,
     noise_mm: float | None = None,
     engine: str = "compiled",
+    gate: bool = True,
     progress: Callable[[int], None] | None = None,
     on_part: Callable[[Track], None] | None = None,
 ) -> Track:
@@ -258,8 +282,8 @@ def track(
         model: the hand; the free default hand of the sequence's side if left out.
         calibrate: take bone lengths and palm from the sequence; else the model is only
             scaled to it.
-        filter, update, min_joints, coast_s, process_noise, couple, lag, noise_mm, engine: as in
-            `Tracker`.
+        filter, update, min_joints, coast_s, process_noise, couple, lag, noise_mm, engine, gate:
+            as in `Tracker`.
         progress: called with the number of frames done, now and then.
         on_part: called with every stretch of frames as soon as it is final, in order: what it
             gets, one after another, is the track returned.
@@ -290,6 +314,7 @@ def track(
         lag,
         noise_mm,
         engine,
+        gate,
     )
     settings = {
         **tracker.settings,
@@ -313,17 +338,17 @@ def track(
 
     frames: list[TrackedFrame] = []
     events = [Event(int(sequence.time_ns[0]), "warning", note) for note in sequence.notes]
-    untold, status = list(events), ""
+    untold, before = list(events), None
     for new in _stretches(tracker, sequence):
         told = sorted(
-            status_events(new, status) + remark_events(sequence.remarks, new),
+            frame_events(new, before) + remark_events(sequence.remarks, new),
             key=lambda event: event.time_ns,
         )
+        before = new[-1]
         new = with_remarks(new, sequence.remarks)
         part = slice(len(frames), len(frames) + len(new))
         frames += new
         events += told
-        status = new[-1].status
         if on_part is not None:
             on_part(made(part, new, untold + told))
             untold = []
@@ -346,15 +371,22 @@ def _stretches(tracker: Tracker, sequence: Sequence) -> Iterator[list[TrackedFra
         yield rest[t : t + _CHUNK]
 
 
-def status_events(frames: list[TrackedFrame], before: str = "") -> list[Event]:
-    """An event for every change of status; `before` is the status before the first frame."""
+def frame_events(frames: list[TrackedFrame], before: TrackedFrame | None = None) -> list[Event]:
+    """What happened in frames: changes of status, hands found anew, joints newly rejected.
+
+    Args:
+        frames: in order of time.
+        before: the frame before the first of them.
+    """
     events = []
     for frame in frames:
-        if frame.status != before:
+        changed = before is None or frame.status != before.status
+        newly = frame.rejected if before is None else frame.rejected & ~before.rejected
+        if changed or frame.restart or newly.any():
             level = "info" if frame.status == "fitted" else "warning"
-            text = f"{frame.status}: {frame.reason}" if frame.reason else frame.status
-            events.append(Event(frame.time_ns, level, text))
-            before = frame.status
+            words = (frame.status if changed else "", frame.reason)
+            events.append(Event(frame.time_ns, level, ": ".join(filter(None, words))))
+        before = frame
     return events
 
 

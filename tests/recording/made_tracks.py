@@ -133,4 +133,6 @@ def make_track(
         source="tests/made.npz",
         subject="nobody",
         events=events,
+        rejected=~np.isnan(observed[..., 0]) & (rng.random((frames, 21)) < 0.1),
+        restart=np.arange(frames) == 26,
     )

@@ -39,12 +39,25 @@ def found(track: Track, tmp_path: Path) -> dict[str, dict[str, list[Any]]]:
 
 def test_entities(found: dict[str, Any]) -> None:
     expected = {f"/world/right/{n}" for n in ("skin", "observed", "fitted", "filtered", "truth")}
-    expected |= {"/world/right/limits"}
+    expected |= {"/world/right/limits", "/world/right/rejected"}
     expected |= {
         f"/angles/right/{f}/{kind}" for f in FINGERS for kind in ("raw", "angles", "limits")
     }
     expected |= {"/world/right", "/errors/right", "/status/right", "/log/right"}
     assert set(found) - {"/__properties"} == expected
+
+
+def test_rejected_joints_are_marked_where_they_were_seen(
+    found: dict[str, Any], track: Track
+) -> None:
+    rows = found["/world/right/rejected"]
+    shown = dict(zip(rows["frame"], rows["Points3D:positions"], strict=True))
+    assert track.rejected.any()
+    last: Any = []
+    for t, frame in enumerate(track.frame_index.tolist()):
+        last = shown.get(frame, last)
+        expected = track.observed[t][track.rejected[t]].astype(np.float32)
+        np.testing.assert_array_equal(np.array(last).reshape(-1, 3), expected)
 
 
 def test_timelines(found: dict[str, Any], track: Track) -> None:

@@ -24,6 +24,10 @@ def test_version_1() -> None:
         ("sample", "left", 4),
     ]
     for track, was in zip(tracks, expected, strict=True):
+        # it knew no rejected joints
+        assert track.rejected.shape == (len(track), 21)
+        assert not track.rejected.any()
+        assert not track.restart.any()
         events = [[e.time_ns, e.level, e.text] for e in track.events]
         assert events == was.pop("events")
         assert " ".join(track.status.tolist()) == was.pop("status")

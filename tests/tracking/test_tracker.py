@@ -429,7 +429,7 @@ def test_confidence_is_a_weight(sample):
     model = ht.calibrate(ht.HandModel.default(), sample).model
     doubt = np.ones(21)
     doubt[8] = 0.01
-    trusted, doubted = (ht.Tracker(model).step(joints, 0, c) for c in (None, doubt))
+    trusted, doubted = (ht.Tracker(model, gate=False).step(joints, 0, c) for c in (None, doubt))
     others = np.arange(21) != 8
     error = [
         np.linalg.norm(f.fitted_joints - sample.truth[20], axis=1)[others].mean()
