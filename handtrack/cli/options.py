@@ -88,6 +88,11 @@ _TRACKING = {
         default=True,
         help="Take the hand's proportions from the sequence (default), or only its size.",
     ),
+    "gate": click.option(
+        "--gate/--no-gate",
+        default=True,
+        help="Leave out joints and frames that cannot be true (default), or use all.",
+    ),
     "filter": click.option(
         "--filter",
         type=click.Choice(["none", "kalman", "one-euro", "fixed-lag", "rts"]),
