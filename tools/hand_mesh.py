@@ -26,15 +26,15 @@ RING = 2 * (DORSAL + SIDE)
 
 # rings of the palm: distance from the wrist [mm], share of the way to the knuckle, distance
 # from the knuckle [mm]
-STUMP_RINGS = (-20.0, -14.0, -7.0, 1.0)
+STUMP_RINGS = (-22.0, -19.0, -14.0, -7.0, 1.0)
 PALM_RINGS = (0.12, 0.24, 0.36, 0.48, 0.60, 0.71, 0.81)
 KNUCKLE_RINGS = (-10.0, -6.0, -2.0, 2.0, 6.5, 11.0, 15.5)
 KNUCKLE_STIFFNESS = 3.0
-HOLE = (6, 6 + TOP)
+HOLE = (7, 7 + TOP)
 """First and last ring of the hole for the thumb."""
 
 # where each ray crosses the wrist and the stump (y) [mm]
-WRIST_Y = (17.0, 6.0, -6.0, -17.0)
+WRIST_Y = (20.0, 6.8, -6.8, -20.0)
 
 
 class Mesh:
@@ -47,6 +47,7 @@ class Mesh:
         share: (V, 4) how far a vertex of the palm belongs to the rays of index..little.
         free: (V,) vertices that the smoothing may slide along the surface.
         stiff: (V,) how hard a vertex's edges pull in the smoothing.
+        nails: by finger, the (4, TOP + 1) vertices under its nail.
     """
 
     def __init__(self) -> None:
@@ -56,6 +57,7 @@ class Mesh:
         self.share: Array = np.zeros((0, 4))
         self.free: NDArray[np.bool_] = np.zeros(0, bool)
         self.stiff: Array = np.zeros(0)
+        self.nails: dict[int, Ints] = {}
 
     def add(self, points: Array, owner: int, share: Array | None = None, free: bool = True) -> Ints:
         """Append vertices; returns their indices in the shape of points' leading axes."""
@@ -82,6 +84,7 @@ class Mesh:
         self.quads = [tuple(q) for q in new[np.array(self.quads)].tolist()]
         for name in ("vertices", "owner", "share", "free", "stiff"):
             setattr(self, name, getattr(self, name)[used])
+        self.nails = {finger: new[grid] for finger, grid in self.nails.items()}
         return new
 
     def neighbours(self) -> tuple[Ints, Ints]:
@@ -167,7 +170,7 @@ def _stations(finger: int, shape: HandShape, root: float) -> list[float]:
         out += [float(x) for x in np.linspace(a, b, n + 1)[1:]]
     cap = shape.fingers[finger].caps[1]
     out += [float(x) for x in np.linspace(out[-1], tip - cap, 3)[1:]]
-    return out + [float(tip - cap + cap * s) for s in (0.38, 0.68, 0.88)]
+    return out + [float(tip - cap + cap * s) for s in (0.30, 0.56, 0.80)]
 
 
 def _cap(mesh: Mesh, ring: Ints, owner: int, top: int, forward: Array) -> None:
@@ -340,4 +343,5 @@ def _tube(
         rings.append(mesh.add(_ring_points(tube, t), finger, free=i < free))
     rows = np.array(rings)
     mesh.patch(np.concatenate([rows, rows[:, :1]], 1))
+    mesh.nails[finger] = rows[-4:, : TOP + 1]
     _cap(mesh, rings[-1], finger, TOP, tube.frame[0] * 0.1 * tube.caps[1])

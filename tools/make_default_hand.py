@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from hand_mesh import Mesh, build_mesh
+from hand_nails import add_nails
 from hand_shape import HandShape, smoothstep
 from numpy.typing import NDArray
 
@@ -165,6 +166,7 @@ def make_hand() -> dict[str, NDArray[Any]]:
     joints, axes, bases = make_skeleton()
     shape = HandShape(joints, axes, bases)
     mesh = build_mesh(shape)
+    add_nails(mesh, shape)
     weights = make_weights(mesh, shape)
     # coarse steps keep the file small and the same on every machine
     weights[:, 1:] = np.round(weights[:, 1:], 3)
