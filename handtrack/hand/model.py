@@ -120,11 +120,23 @@ class HandModel:
             raise ModelError(f"model {self.name}: faces name vertices that do not exist")
 
     @staticmethod
-    def default(hand: Hand = "right", limits: str = DEFAULT_LIMITS) -> HandModel:
-        """The free hand that ships with the project (see `handtrack.hand.default`)."""
+    def default(
+        hand: Hand = "right", limits: str = DEFAULT_LIMITS, shape: ArrayLike | None = None
+    ) -> HandModel:
+        """The free hand that ships with the project.
+
+        Args:
+            hand: "left" or "right".
+            limits: name of the limits.
+            shape: coefficients of `handtrack.hand.default.SHAPES` (size, finger length, palm
+                width, thickness) in standard deviations; the mean hand by default.
+
+        Raises:
+            SettingsError: a setting has no such value.
+        """
         from handtrack.hand.default import default_hand
 
-        return default_hand(hand, preset(limits))
+        return default_hand(hand, preset(limits), shape)
 
     @staticmethod
     def from_mano(

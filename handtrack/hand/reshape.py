@@ -7,13 +7,20 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from handtrack.hand.axes import palm_frame
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import PALM, PART_JOINT
 
 Array = NDArray[np.float64]
 
 
-def reshaped(model: HandModel, rest_joints: ArrayLike, axes: ArrayLike | None = None) -> HandModel:
+def reshaped(
+    model: HandModel,
+    rest_joints: ArrayLike,
+    axes: ArrayLike | None = None,
+    *,
+    thickness: float = 1.0,
+) -> HandModel:
     """The same hand with its joints resting elsewhere.
 
     The skin follows: what hangs on a finger bone is stretched along the bone and turned with
@@ -24,6 +31,8 @@ def reshaped(model: HandModel, rest_joints: ArrayLike, axes: ArrayLike | None = 
         model: the hand to start from.
         rest_joints: (21, 3) new rest positions in the root frame [m].
         axes: (20, 3) new unit axes; the model's by default.
+        thickness: how much thicker the skin lies about the bones than the hand's size has it:
+            across the finger bones, and out of the plane of the palm.
 
     Returns:
         A new model.
@@ -42,10 +51,15 @@ def reshaped(model: HandModel, rest_joints: ArrayLike, axes: ArrayLike | None = 
         return out
     old, v, w = model.rest_joints, model.rest_vertices, model.weights
     size = out.size / model.size
-    moved = w[:, :1] * _palm(v, old[PALM], new[PALM], size)
+    palm = _palm(v, old[PALM], new[PALM], size)
+    if thickness != 1.0:
+        out_of_plane = palm_frame(new, model.hand)[2]
+        height = (palm - new[PALM].mean(0)) @ out_of_plane
+        palm = palm + (thickness - 1) * height[:, None] * out_of_plane
+    moved = w[:, :1] * palm
     for part in range(1, len(PART_JOINT)):
         k = PART_JOINT[part]
-        turn = _bone_map(old[k + 1] - old[k], new[k + 1] - new[k], size)
+        turn = _bone_map(old[k + 1] - old[k], new[k + 1] - new[k], size * thickness)
         moved += w[:, part : part + 1] * ((v - old[k]) @ turn.T + new[k])
     return replace(out, rest_vertices=moved)
 
