@@ -60,7 +60,7 @@ def export(
     empty, .parquet holds null, .npz NaN, and .bvh and .glb hold the last pose.
     """
     import handtrack as ht
-    from handtrack.recording.window import pick
+    from handtrack.recording.part import read_part
 
     found = recordings((input,))
     folder = output.is_dir() or not output.suffix
@@ -77,7 +77,7 @@ def export(
         target = output / f"{path.stem}.{to}" if folder else output
         if folder and input.is_dir():
             target = output / path.relative_to(input).with_suffix(f".{to}")
-        tracks = pick(ht.read_mcap(path), hand, start, end)
+        tracks = read_part(path, hand, start, end)
         target.parent.mkdir(parents=True, exist_ok=True)
         made = ht.export(tracks, target, raw=raw, up=up, unit=unit)
         written += made

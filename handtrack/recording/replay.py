@@ -13,7 +13,7 @@ from handtrack.hand.limits import Limits, preset
 from handtrack.recording.blueprint import blueprint
 from handtrack.recording.eye import Seen, eye
 from handtrack.recording.live import DEFAULT_ADDRESS, connected, stream
-from handtrack.recording.mcap_io import read_mcap
+from handtrack.recording.part import read_part
 from handtrack.recording.rerun_log import log_hands, save_hands
 from handtrack.recording.shown import Run, Shown, on_one_clock, shown
 from handtrack.recording.viewer import (
@@ -25,7 +25,6 @@ from handtrack.recording.viewer import (
     viewer,
     wait_for,
 )
-from handtrack.recording.window import pick
 
 MOST_SKINS = 20_000
 """More frames are shown without the skin, unless it is asked for: a viewer needs 56 kB for each."""
@@ -98,7 +97,7 @@ def replay(
         raise SettingsError("hands in views of their own need no offset: side by side, or offset")
     limits = preset(limits) if isinstance(limits, str) else limits
     page = free_port(port) if web else None
-    runs = [Run(Path(p).stem, pick(read_mcap(p), hand, start_s, end_s)) for p in paths]
+    runs = [Run(Path(p).stem, read_part(p, hand, start_s, end_s)) for p in paths]
     runs, moved = on_one_clock(runs)
     if moved:
         say("the recordings do not overlap in time: they are shown as if they began together")

@@ -18,6 +18,7 @@ def pick(
     hand: str | None = None,
     start_s: float | None = None,
     end_s: float | None = None,
+    span_ns: tuple[int, int] | None = None,
 ) -> list[Track]:
     """The tracks of one hand, or all, cut to a stretch of time.
 
@@ -25,6 +26,7 @@ def pick(
         tracks: those of one recording: their time begins with the first frame of them all.
         hand: "left", "right", or None for both.
         start_s, end_s: first and last time [s]; None for the recording's.
+        span_ns: first and last time of the whole recording, if the tracks are a part of it.
 
     Returns:
         The tracks that have frames there; the given ones are not changed.
@@ -40,16 +42,18 @@ def pick(
         raise SettingsError(f"there is no {hand} hand in the recording, only {there}")
     if start_s is None and end_s is None:
         return chosen
-    times = np.concatenate([t.time_ns for t in tracks])
-    if not times.size:
-        raise SettingsError("there are no frames in the recording")
-    origin = int(times.min())
+    if span_ns is None:
+        times = np.concatenate([t.time_ns for t in tracks])
+        if not times.size:
+            raise SettingsError("there are no frames in the recording")
+        span_ns = int(times.min()), int(times.max())
+    origin = span_ns[0]
     first = -np.inf if start_s is None else origin + start_s * 1e9
     last = np.inf if end_s is None else origin + end_s * 1e9
     cut = [between(t, first, last) for t in chosen]
     if not any(map(len, cut)):
         raise SettingsError(
-            f"there are no frames in that part: the recording is {(times.max() - origin) / 1e9:.3f}"
+            f"there are no frames in that part: the recording is {(span_ns[1] - origin) / 1e9:.3f}"
             " s long"
         )
     return [t for t in cut if len(t)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from handtrack.errors import SettingsError
 from handtrack.hand.limits import preset
 from handtrack.hand.skeleton import ANGLE_NAMES
 from handtrack.recording.limit_marks import HELD, INSIDE, OUTSIDE, limit_marks
+from handtrack.recording.mcap_io import write_mcap
+from handtrack.recording.part import read_part
 from handtrack.recording.shown import Run, counterpart, later, on_one_clock, origin_ns, shown
 from handtrack.recording.window import pick, rows
 from handtrack.tracking.track import Track
@@ -53,6 +56,18 @@ def test_a_stretch_of_time(track: Track) -> None:
         "hand found again after 6 frames",
     ]
     assert pick([track], None, 0.7, 0.8)[0].events == ()
+
+
+def test_a_stretch_of_a_file(track: Track, tmp_path: Path) -> None:
+    tracks = [track, later(make_track(30, "left"), 1_000_000_000)]
+    path = write_mcap(tracks, tmp_path / "x.mcap", mesh=False)
+    for start, end in ((None, None), (0.5, None), (None, 0.9), (1.2, 1.5), (-3.0, 9.0)):
+        found, expected = read_part(path, None, start, end), pick(tracks, None, start, end)
+        assert [differences(a, b) for a, b in zip(found, expected, strict=True)] == [[]] * len(
+            found
+        )
+    with pytest.raises(SettingsError, match=r"the recording is 1\.967 s long"):
+        read_part(path, "left", 3.0)
 
 
 def test_a_stretch_without_frames_is_refused(track: Track) -> None:
