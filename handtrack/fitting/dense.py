@@ -96,11 +96,11 @@ def solve_one(u, x):
 @inline
 def subtract_square(w, a):
     """a -= w^T w, both triangles, for w (N, N)."""
-    for k in range(N):
+    for k in range(0, N, 2):
         for i in range(N):
-            v = w[k, i]
+            u, v = w[k, i], w[k + 1, i]
             for j in range(i, N):
-                a[i, j] -= v * w[k, j]
+                a[i, j] -= u * w[k, j] + v * w[k + 1, j]
     for i in range(N):
         for j in range(i):
             a[i, j] = a[j, i]
@@ -108,14 +108,16 @@ def subtract_square(w, a):
 
 @inline
 def multiply(a, b, out):
-    """out = a b."""
-    for i in range(N):
+    """out = a b, by blocks of two rows and two columns, which saves most loads and stores."""
+    for i in range(0, N, 2):
         for j in range(N):
-            out[i, j] = 0.0
-        for k in range(N):
-            v = a[i, k]
+            out[i, j] = out[i + 1, j] = 0.0
+        for k in range(0, N, 2):
+            a00, a01, a10, a11 = a[i, k], a[i, k + 1], a[i + 1, k], a[i + 1, k + 1]
             for j in range(N):
-                out[i, j] += v * b[k, j]
+                x, y = b[k, j], b[k + 1, j]
+                out[i, j] += a00 * x + a01 * y
+                out[i + 1, j] += a10 * x + a11 * y
 
 
 @inline

@@ -64,11 +64,13 @@ from handtrack.tracking.process_kernel import (
     KNOWN,
     LD,
     LEARNT,
+    LOG_DETERMINANT,
     NOISE,
     NOISE_COUNT,
     Q00,
     Q01,
     Q11,
+    READY,
     ROTATION,
     SHIFT,
     SPREAD,
@@ -93,8 +95,8 @@ NOTHING, PREDICTED, UPDATED, BEGUN = range(4)
 KIND, LIKELIHOOD, JOINT_NOISE = range(3)
 
 _STEPS = 12
-# [nats] a step that promises less is not worth taking
-_PROMISE = 1e-5
+# [nats] a step that promises less is not worth taking; is the last; a start that is doubted
+_PROMISE, _NEAR, _SURPRISE = 1e-6, 0.03, 100.0
 LEAST_NOISE = 1e-10
 """Variance of the joints below which no residual is believed [m^2]."""
 WEAK = 1e-2
@@ -202,11 +204,14 @@ def weigh(s, solver, x, p, v, angles, root, precision):
 def constrain(s, p, v):
     """Hold the system in p[S], v[STEP] to the limits' active faces.
 
-    A saddle on its ellipse moves along the tangent; a hinge at its bound not at all.
+    A saddle on its ellipse moves along the tangent; a hinge at its bound not at all. Returns
+    whether there is any.
     """
+    faces = False
     for f in range(5):
         k = 4 * f
         if s[FREE_N + f] == 0.0 or s[FREE_T + f] == 0.0:
+            faces = True
             c, n = s[NORMAL_Z + f], s[NORMAL_Y + f]
             for j in range(26):
                 z, y = p[S, k, j], p[S, k + 1, j]
@@ -221,9 +226,12 @@ def constrain(s, p, v):
                 fix(p, v, k + 1)
             fix(p, v, k)
         if s[FREE_2 + f] == 0.0:
+            faces = True
             fix(p, v, k + 2)
         if s[FREE_3 + f] == 0.0:
+            faces = True
             fix(p, v, k + 3)
+    return faces
 
 
 @inline
@@ -252,21 +260,23 @@ def best_pose(s, solver, x, p, v, angles, root, row, precision):
 
     The objective is half the squared distances times `precision`, and half the squared distance
     from the state's pose by the precision in p[LAMBDA]. On return the buffer, angles and root
-    hold the pose and the buffer its derivatives; v[D] and v[LD] its distance.
+    hold the pose, v[D] and v[LD] its distance, and the buffer its Hessian. Where no limit held
+    the last step, x[READY] is 1, p[U] the factor of the whole system, and x[LOG_DETERMINANT]
+    the logarithm of its determinant.
 
     Returns the objective [nats].
     """
     s[FULL] = 1.0
-    raw = math.inf
-    if math.isfinite(row[OUT_ANGLES]):
-        # a hand that moved far is where the frame says
-        load_pose(s, row[:20], row[20:32])
-        raw = weigh(s, solver, x, p, v, angles, root, precision)
     load_inside(s, x[ANGLES:ROTATION], x[ROTATION:VELOCITY])
     cost = weigh(s, solver, x, p, v, angles, root, precision)
-    if raw < cost:
+    if cost > _SURPRISE and math.isfinite(row[OUT_ANGLES]):
+        # a hand that moved far may be where the frame alone says
         load_pose(s, row[:20], row[20:32])
-        cost = weigh(s, solver, x, p, v, angles, root, precision)
+        raw = weigh(s, solver, x, p, v, angles, root, precision)
+        if raw > cost:
+            load_inside(s, x[ANGLES:ROTATION], x[ROTATION:VELOCITY])
+            raw = weigh(s, solver, x, p, v, angles, root, precision)
+        cost = raw
     for _ in range(_STEPS):
         prior_gradient(v)
         for i in range(26):
@@ -275,12 +285,13 @@ def best_pose(s, solver, x, p, v, angles, root, row, precision):
             v[STEP, i] = -v[GRAD, i]
             for j in range(26):
                 p[S, i, j] = p[LAMBDA, i, j] + precision * s[HESSIAN + 26 * i + j]
+            p[S, i, i] += WEAK
         for f in range(5):
             for i in range(4):
                 s[ROW_Z + i * ROW + G + f] = v[GRAD, 4 * f + i]
         guess_faces(s)
-        constrain(s, p, v)
-        factor(p[S], p[U])
+        x[READY] = 0.0 if constrain(s, p, v) else 1.0
+        x[LOG_DETERMINANT] = factor(p[S], p[U])
         solve_one(p[U], v[STEP])
         promise = 0.0
         for f in range(5):
@@ -303,6 +314,10 @@ def best_pose(s, solver, x, p, v, angles, root, row, precision):
                     w += root[3 * j + i] * v[STEP, 20 + 3 * b + j]
                 s[RHO + 3 * b + i] = w
         keep_pose(s)
+        # a step so short changes neither gradient nor Hessian
+        near = promise < _NEAR
+        s[FULL] = 0.0 if near else 1.0
+        x[READY] = x[READY] if near else 0.0
         share = 1.0
         while True:
             take_step(s, share)
@@ -311,7 +326,7 @@ def best_pose(s, solver, x, p, v, angles, root, row, precision):
                 break
             share = 0.3 * share if share > 1e-3 else 0.0
         cost = new
-        if share == 0.0:
+        if near or share == 0.0:
             break
     return cost
 
@@ -362,10 +377,13 @@ def update(x, p, v, angles, root, coupled, keep, out_t, out_a):
             v[GRAD, i] = 0.0
             for j in range(26):
                 v[GRAD, i] += p[S, i, j] * v[D, j]
-    for i in range(26):
-        for j in range(26):
-            p[S, i, j] += p[LAMBDA, i, j]
-    log = factor(p[S], p[U])
+    log = x[LOG_DETERMINANT]
+    if not coupled or x[READY] == 0.0:
+        # else `best_pose` has left it
+        for i in range(26):
+            for j in range(26):
+                p[S, i, j] += p[LAMBDA, i, j]
+        log = factor(p[S], p[U])
     invert(p[U], p[W], p[POST])
     if not coupled:
         # P+ M z
@@ -396,11 +414,11 @@ def update(x, p, v, angles, root, coupled, keep, out_t, out_a):
     else:
         move_pose(x, v[D])
     multiply(p[POST], p[W], p[W2])
-    for k in range(26):
+    for k in range(0, 26, 2):
         for i in range(26):
-            d = p[B, k, i] - p[W2, k, i]
+            d, e = p[B, k, i] - p[W2, k, i], p[B, k + 1, i] - p[W2, k + 1, i]
             for j in range(i, 26):
-                p[C, i, j] -= d * p[W, k, j]
+                p[C, i, j] -= d * p[W, k, j] + e * p[W, k + 1, j]
     for i in range(26):
         for j in range(26):
             p[A, i, j] = p[POST, i, j]

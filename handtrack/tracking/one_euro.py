@@ -14,9 +14,9 @@ from handtrack.tracking.process_noise import N_POSE
 
 Array = NDArray[np.float64]
 
-CUTOFF = np.array([2.0] * N_ANGLES + [3.0] * 3 + [3.0] * 3)
+CUTOFF = np.array([4.0] * N_ANGLES + [6.0] * 6)
 """(26,) least cut-off frequencies of angles, turn and shift [Hz]."""
-BETA = np.array([0.6] * N_ANGLES + [0.6] * 3 + [8.0] * 3)
+BETA = np.array([3.0] * N_ANGLES + [10.0] * 3 + [100.0] * 3)
 """(26,) gains by speed [Hz s/rad], [Hz s/m]."""
 SPEED_CUTOFF = 1.0
 """Cut-off frequency of the speed [Hz]."""

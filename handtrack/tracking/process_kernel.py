@@ -13,7 +13,7 @@ from handtrack.fitting.compiled import inline
 
 # the state: pose (angles, rotation by rows, translation), velocities, and what is remembered
 ANGLES, ROTATION, SHIFT, VELOCITY = 0, 20, 29, 32
-KNOWN, NOISE, NOISE_COUNT, FADE = 58, 59, 60, 61
+KNOWN, NOISE, NOISE_COUNT, FADE, READY, LOG_DETERMINANT = range(58, 64)
 STATE = 64
 # rows of a filter of the bank; and what all have learnt, in the first one's
 X, V, PXX, PXV, PVV, LOG, LEARNT = range(7)

@@ -28,7 +28,7 @@ FIRST_SPEED = np.array([5.0] * N_ANGLES + [3.0] * 3 + [0.5] * 3)
 MEMORY_S = 2.0
 """For how long a stream remembers how the hand moved [s]."""
 # the factors on the usual densities that a stream tries, and how far from usual motion is [log]
-_TRIED = 4.0 ** np.arange(-4, 5)
+_TRIED = 5.0 ** np.arange(-3, 4)
 _WIDTH = np.log(5.0)
 
 LEAST, MOST = 1e-4, 1e4

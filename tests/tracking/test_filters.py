@@ -120,7 +120,8 @@ def test_turning_right_round_has_no_jump(name, axis):
     assert (np.linalg.det(turns) > 0).all()
     for t in range(15, 119):
         assert apart(turns[t], rotation[t]) < (0.35 if name == "one-euro" else 0.05)
-        assert apart(turns[t], turns[t - 1]) == pytest.approx(step, abs=0.04)
+        wobble = 0.07 if name == "one-euro" else 0.04
+        assert apart(turns[t], turns[t - 1]) == pytest.approx(step, abs=wobble)
 
 
 @every_filter
