@@ -18,7 +18,8 @@ ALLOWED = {
     "errors": set(),
     "hand.skeleton": set(),
     "hand": {"errors", "hand.skeleton"},
-    "sequences": {"errors", "hand.skeleton"},
+    # readers of pickles and of MANO parameters need hand's unpickler and its MANO
+    "sequences": {"errors", "hand.skeleton", "hand"},
     # Sequence is one of the things that travel; its readers are not
     "sequences.sequence": {"errors", "hand.skeleton"},
     "cameras": {"errors", "hand.skeleton", "hand"},

@@ -28,6 +28,8 @@ class Reading(NamedTuple):
     fps: float | None = None
     frames: str | None = None
     format: str | None = None
+    mano: Path | None = None
+    mano_tips: str = "smplx"
 
     def load(
         self, path: Path, quiet: bool = False, found: Detections | None = None
@@ -53,6 +55,8 @@ class Reading(NamedTuple):
                 fps=self.fps,
                 frames=self.frame_range,
                 format=self.format,
+                mano=self.mano,
+                mano_tips=self.mano_tips,
             )
         for sequence in sequences if not quiet else ():
             for note in sequence.notes:

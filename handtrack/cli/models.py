@@ -20,13 +20,18 @@ _Command = TypeVar("_Command", bound="Callable[..., Any]")
 
 def model_options(command: _Command) -> _Command:
     """Give a command the options that say which hand to fit, taken by `take_models`."""
+    gltf = click.option(
+        "--gltf",
+        type=click.Path(path_type=Path),
+        metavar="PATH",
+        help="Fit a skinned hand: .glb on WebXR's joints, or a folder with left and right.",
+    )
+    return mano_options(gltf(command))
+
+
+def mano_options(command: _Command) -> _Command:
+    """Give a command the options that name the user's MANO."""
     for option in (
-        click.option(
-            "--gltf",
-            type=click.Path(path_type=Path),
-            metavar="PATH",
-            help="Fit a skinned hand: .glb on WebXR's joints, or a folder with left and right.",
-        ),
         click.option(
             "--mano-tips",
             type=click.Choice(["smplx", "manopth", "freihand", "minimal-hand"]),
@@ -38,7 +43,7 @@ def model_options(command: _Command) -> _Command:
             "--mano",
             type=click.Path(path_type=Path),
             metavar="DIR",
-            help="Fit MANO: your file, or a folder with MANO_RIGHT.pkl and MANO_LEFT.pkl.",
+            help="Your MANO: a file, or a folder with MANO_RIGHT.pkl and MANO_LEFT.pkl.",
         ),
     ):
         command = option(command)

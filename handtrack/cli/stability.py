@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handtrack.cli.inputs import Reading, Truths, estimates, reading_options
+from handtrack.cli.models import mano_options
 from handtrack.cli.options import json_option
 from handtrack.cli.outputs import check_target
 from handtrack.errors import SettingsError
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 @click.option("--csv", type=click.Path(path_type=Path), help="Write the table as .csv.")
 @click.option("--latex", type=click.Path(path_type=Path), help="Write the table as .tex.")
 @click.option("--html", type=click.Path(path_type=Path), help="Write a page with plots, .html.")
+@mano_options
 @json_option
 @reading_options
 def stability(

@@ -71,8 +71,9 @@ def track(
     import handtrack as ht
 
     settings, recording = take_tracking(options), take_recording(options)
+    mano = {name: options[name] for name in ("mano", "mano_tips")}
     models = take_models(options, settings.pop("limits"))
-    reading = Reading(**options)
+    reading = Reading(**options, **mano)
     found = reading.detect(input, quiet or as_json)
     if overlay is not None:
         _check_overlay(overlay, input, found)

@@ -148,6 +148,7 @@ def _known() -> dict[tuple[str, str], Any]:
         ("chumpy.reordering", "Reshape"): _Reshape,
         ("chumpy.reordering", "transpose"): _Transpose,
         ("_codecs", "encode"): _encode,
+        ("collections", "OrderedDict"): dict,
         ("numpy", "ndarray"): np.ndarray,
         ("numpy", "dtype"): np.dtype,
     }
@@ -207,7 +208,7 @@ def unpickle(file: IO[bytes], path: str | Path) -> Any:
         return _Reader(file).load()
     except _Refused as error:
         raise InputError(
-            f"asks for {error}, which has no place in a hand model: not read any further", path
+            f"asks for {error}, which has no place among arrays: not read any further", path
         ) from error
     except _DAMAGED as error:
         raise InputError(f"is no pickle, or a damaged one: {error or 'it ends early'}", path) from (

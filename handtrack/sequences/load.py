@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from os import PathLike, sep
 from pathlib import Path
@@ -10,7 +11,8 @@ from pathlib import Path
 from handtrack.errors import InputError, SettingsError
 from handtrack.sequences.assemble import Given, anything_seen, assemble, check_settings, unit_of
 from handtrack.sequences.hands import CHOICES, HandChoice, label_hands
-from handtrack.sequences.readers.folder import sources
+from handtrack.sequences.readers.folder import Source, sources
+from handtrack.sequences.readers.mano_params import decoded
 from handtrack.sequences.readers.raw import NoFramesError, NotJointsError, Raw
 from handtrack.sequences.readers.recognise import check_format, read_file
 from handtrack.sequences.sequence import Sequence
@@ -25,15 +27,18 @@ def load(
     fps: float | None = None,
     frames: tuple[int, int] | None = None,
     format: str | None = None,
+    mano: str | PathLike[str] | None = None,
+    mano_tips: str = "smplx",
 ) -> list[Sequence]:
     """Joint sequences from a file or a folder; the format is recognised by content.
 
     Understood are CMU Panoptic hands (`hdHand3d/handRecon3D_hd*.json`: a file, a folder, a
     .tar or .tar.gz), .npz, .npy, .csv, .json and .jsonl with joints, FreiHAND, InterHand2.6M,
-    AssemblyHands, folders of DexYCB labels, WebXR and OpenXR streams, FPHA `skeleton.txt`, Leap
-    Motion recordings, MCAP files with JSON joints, and handtrack's own MCAP recordings. Each
-    hand of each person is a sequence of its own. What the user should know (a doubtful hand, an
-    assumed frame rate) stands in `Sequence.notes`.
+    AssemblyHands, folders of DexYCB labels, of HO-3D's and of FrankMocap's pickles (in which
+    nothing is run), MANO parameters (with your MANO), WebXR and OpenXR streams, FPHA
+    `skeleton.txt`, Leap Motion recordings, MCAP files with JSON joints, and handtrack's own MCAP
+    recordings. Each hand of each person is a sequence of its own. What the user should know (a
+    doubtful hand, an assumed frame rate) stands in `Sequence.notes`.
 
     Args:
         path: a file, or a folder whose files (and folders) are all read; README, LICENSE,
@@ -48,6 +53,9 @@ def load(
         frames: first and last source frame number to keep, both included.
         format: name of the format (`readers.recognise.FORMATS`), where content could be taken
             for another's.
+        mano: your MANO files, for inputs that hold MANO parameters: a file, or a folder with
+            MANO_RIGHT.pkl and MANO_LEFT.pkl.
+        mano_tips: whose vertices are the fingertips (`handtrack.hand.mano.TIP_VERTICES`).
 
     Returns:
         At least one sequence, in order of path, person and hand, with different names.
@@ -65,9 +73,14 @@ def load(
     check_format(format)
     if not where.exists():
         raise InputError("no such file or folder", where)
+
+    def made(raws: list[Raw]) -> list[Sequence]:
+        ready = [decoded(r, None if mano is None else Path(mano), mano_tips, choice) for r in raws]
+        return _finish(ready, given, choice, frames)
+
     if where.is_dir():
-        return _from_folder(where, given, choice, frames, format)
-    return _unique_names(_finish(read_file(where, frames, format), given, choice, frames))
+        return _from_folder(where, lambda source: made(source.read(frames, format)))
+    return _unique_names(made(read_file(where, frames, format)))
 
 
 def _hand_choice(hand: str | None) -> HandChoice:
@@ -127,19 +140,13 @@ def _cut(sequences: list[Sequence], frames: tuple[int, int]) -> list[Sequence]:
     return parts
 
 
-def _from_folder(
-    folder: Path,
-    given: Given,
-    choice: HandChoice,
-    frames: tuple[int, int] | None,
-    kind: str | None,
-) -> list[Sequence]:
+def _from_folder(folder: Path, read: Callable[[Source], list[Sequence]]) -> list[Sequence]:
     sequences: list[Sequence] = []
     passed_over: list[str] = []
     empty: NoFramesError | None = None
     for source in sources(folder):
         try:
-            sequences += _finish(source.read(frames, kind), given, choice, frames)
+            sequences += read(source)
         except NoFramesError as error:
             empty = error
         except NotJointsError as error:

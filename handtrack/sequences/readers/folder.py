@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 
 from handtrack.errors import InputError
-from handtrack.sequences.readers import dexycb, panoptic
+from handtrack.sequences.readers import dexycb, panoptic, pickled
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.raw import Raw
 from handtrack.sequences.readers.recognise import read_file
@@ -23,6 +23,14 @@ SUFFIXES = {
 _NOT_DATA = ("readme", "license", "licence", "copying", "changelog", "notice")
 # Panoptic's bodies and faces, thousands of files beside the hands
 _OTHER_PANOPTIC = ("body3DScene_", "faceRecon3D_")
+
+
+# files that make one sequence by their names, and who reads them
+_NUMBERED = (
+    (dexycb.FILE_NAME, dexycb.read_files),
+    (pickled.FRANKMOCAP_NAME, pickled.read_frankmocap),
+    (pickled.HO3D_NAME, pickled.read_ho3d),
+)
 
 
 @dataclass(frozen=True)
@@ -40,8 +48,9 @@ class Source:
     def read(self, frames: tuple[int, int] | None = None, kind: str | None = None) -> list[Raw]:
         """Its sequences; arguments and errors as `recognise.read_file`."""
         paths = [self.folder / name for name in self.names]
-        if dexycb.FILE_NAME.fullmatch(self.names[0]):
-            return dexycb.read_files(paths, self.folder, frames)
+        for name, read in _NUMBERED:
+            if name.fullmatch(self.names[0]):
+                return read(paths, self.folder, frames)
         if len(paths) > 1 or panoptic.FILE_NAME.fullmatch(self.names[0]):
             return panoptic.read_files(paths, self.folder, frames)
         return read_file(paths[0], frames, kind)
@@ -60,18 +69,20 @@ def _may_be_data(name: str) -> bool:
     lower = name.lower()
     if name.startswith((".", *_OTHER_PANOPTIC)) or lower.startswith(_NOT_DATA):
         return False
-    return Path(lower).suffix in SUFFIXES
+    # pickles of other names are models and caches
+    numbered = any(pattern.fullmatch(name) for pattern, _ in _NUMBERED)
+    return numbered or Path(lower).suffix in SUFFIXES
 
 
 def _groups(names: list[str], here: Path) -> Iterator[list[str]]:
-    """Single files, and the numbered files of Panoptic and of DexYCB together."""
+    """Single files, and the numbered files of a sequence together."""
     numbered: dict[str, list[str]] = {}
-    labels = [name for name in names if dexycb.FILE_NAME.fullmatch(name)]
-    if labels:
-        yield labels
+    for pattern, _ in _NUMBERED:
+        together = [name for name in names if pattern.fullmatch(name)]
+        names = [name for name in names if not pattern.fullmatch(name)]
+        if together:
+            yield together
     for name in names:
-        if dexycb.FILE_NAME.fullmatch(name):
-            continue
         prefix = panoptic.prefix(name)
         if prefix is None:
             yield [name]

@@ -1,4 +1,4 @@
-"""FreiHAND's annotation files: `training_xyz.json` and `evaluation_xyz.json`.
+"""FreiHAND's annotation files: `training_xyz.json`, `training_mano.json`, `evaluation_...`.
 
 Zimmermann et al. 2019: a list of 21 x 3 joints in the camera's frame, m, this project's order.
 All hands are right hands; the pictures have nothing to do with each other.
@@ -10,6 +10,7 @@ import re
 from pathlib import Path
 
 from handtrack.sequences.readers.json_file import read_json
+from handtrack.sequences.readers.mano_params import read_freihand_mano
 from handtrack.sequences.readers.raw import NotJointsError, Raw
 
 FILE_NAME = re.compile(r"(?:training|evaluation)_(\w+)\.json")
@@ -29,6 +30,8 @@ def read_freihand(data: bytes, path: Path) -> list[Raw]:
         InputError: as `read_json`.
     """
     match = FILE_NAME.fullmatch(path.name)
+    if match is not None and match[1] == "mano":
+        return read_freihand_mano(data, path)
     if match is not None and match[1] in _OTHERS:
         raise NotJointsError(f"FreiHAND's file of {_OTHERS[match[1]]}, no joints", path)
     raws = read_json(data, path)

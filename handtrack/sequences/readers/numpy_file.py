@@ -14,6 +14,7 @@ import numpy as np
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import HANDS, Hand
+from handtrack.sequences.readers import mano_params
 from handtrack.sequences.readers.fields import JOINT_KEYS, as_frames, from_fields
 from handtrack.sequences.readers.raw import Raw, stem
 
@@ -64,6 +65,8 @@ def read_npz(data: bytes, path: Path) -> list[Raw]:
             fields = {str(name): _scalar(archive[name]) for name in archive.files}
     except DAMAGED as error:
         raise InputError(damage("the .npz file", error), path) from None
+    if not any(key in fields for key in JOINT_KEYS) and mano_params.is_mano(fields):
+        return mano_params.from_named(fields, path)
     hands = [of_hand for hand in HANDS if (of_hand := _of_hand(fields, hand))]
     return [from_fields(of_hand, path) for of_hand in hands] or [from_fields(fields, path)]
 

@@ -7,13 +7,16 @@ from collections.abc import Sequence as Items
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import Hand
+
+if TYPE_CHECKING:
+    from handtrack.sequences.readers.mano_params import ManoValues
 
 Array = NDArray[np.float64]
 Unit = Literal["m", "cm", "mm"]
@@ -59,6 +62,7 @@ class Raw:
         confidence: (T, N) or (T,) in 0..1, or None.
         truth: (T, N, 3) like the joints, or None.
         subject: who.
+        mano: MANO parameters that the joints are still to be made from, or None.
         tagged: the name gets the hand appended even where it is the only one.
         notes: for the user, one line each.
     """
@@ -75,6 +79,7 @@ class Raw:
     confidence: Array | None = None
     truth: Array | None = None
     subject: str = ""
+    mano: ManoValues | None = None
     tagged: bool = False
     notes: tuple[str, ...] = ()
 

@@ -11,7 +11,15 @@ from typing import Any
 import msgspec
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.sequences.readers import freihand, leap, numpy_file, panoptic, text_table, xr
+from handtrack.sequences.readers import (
+    freihand,
+    leap,
+    numpy_file,
+    panoptic,
+    pickled,
+    text_table,
+    xr,
+)
 from handtrack.sequences.readers.interhand import is_interhand, read_interhand
 from handtrack.sequences.readers.json_file import is_lines, read_json, read_lines
 from handtrack.sequences.readers.jsontext import decode
@@ -20,6 +28,7 @@ from handtrack.sequences.readers.raw import NotJointsError, Raw
 MCAP_MAGIC = b"\x89MCAP"
 NPY_MAGIC = b"\x93NUMPY"
 ZIP_MAGIC = b"PK\x03\x04"
+PICKLE_START = b"\x80"
 GZIP_MAGIC = b"\x1f\x8b"
 # tars may also be compressed with these
 BZ2_MAGIC, XZ_MAGIC = b"BZh", b"\xfd7zXZ"
@@ -73,6 +82,8 @@ def read_bytes(data: bytes, path: Path, kind: str | None = None) -> list[Raw]:
         return numpy_file.read_npy(data, path)
     if data.startswith(ZIP_MAGIC):
         return numpy_file.read_npz(data, path)
+    if data[:1] == PICKLE_START and data[-1:] == b".":
+        return pickled.read_pickle(data, path)
     if b"\0" in data[:512]:
         raise NotJointsError(
             "not a joint sequence: expected JSON, CSV, .npz, .npy, .mcap or a Panoptic .tar", path
@@ -134,6 +145,10 @@ def _read_xr(data: bytes, path: Path) -> list[Raw]:
 FORMATS: dict[str, Callable[[bytes, Path], list[Raw]]] = {
     "panoptic": panoptic.read_file,
     "freihand": freihand.read_freihand,
+    "ho3d": pickled.read_pickle,
+    "frankmocap": pickled.read_pickle,
+    "mano": numpy_file.read_npz,
+    "dexycb": numpy_file.read_npz,
     "interhand": read_interhand,
     "assemblyhands": read_interhand,
     "webxr": _read_xr,

@@ -1,0 +1,186 @@
+"""Readers of pickled frames: HO-3D's `meta/*.pkl` and FrankMocap's `*_prediction_result.pkl`.
+
+Nothing in a pickle is run (`handtrack.hand.unpickle`).
+
+HO-3D (Hampali et al. 2020): handJoints3D 21 x 3 in MANO's order with the tips last, thumb first;
+m, OpenGL's camera axes, turned here to OpenCV's (y and z change sign). Right hands. The
+evaluation split holds only the wrist.
+
+FrankMocap (Rong et al. 2021), its hand demo with --save_pred_pkl: pred_output_list holds for each
+person left_hand and right_hand (nothing where unseen), each with pred_joints_smpl 21 x 3, m,
+this project's order, about the hand's own middle: sizes and shapes are real, places are not.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from handtrack.errors import InputError
+from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
+from handtrack.hand.unpickle import unpickle
+from handtrack.sequences.readers.raw import Array, NoFramesError, NotJointsError, Raw
+
+HO3D_NAME = re.compile(r"(\d{3,9})\.pkl")
+FRANKMOCAP_NAME = re.compile(r"(.*?)(\d{0,18})_prediction_result\.pkl")
+HO3D_FPS = 30.0
+_TO_OPENCV = np.array([1.0, -1.0, -1.0])
+_HO3D, _FRANKMOCAP = "handJoints3D", "pred_output_list"
+_JOINTS = "pred_joints_smpl"
+Frames = tuple[int, int] | None
+
+
+def read_pickle(data: bytes, path: Path) -> list[Raw]:
+    """The sequences, of one frame each, of one pickle of either kind.
+
+    Raises:
+        NotJointsError: another pickle.
+        InputError: damaged, or not as its format says.
+    """
+    content = _content(data, path)
+    if _HO3D in content:
+        return _ho3d([(0, path, content)], path)
+    if _FRANKMOCAP in content:
+        return _frankmocap([(0, path, content)], path)
+    there = ", ".join(map(str, list(content)[:8])) or "nothing"
+    raise NotJointsError(f"expected {_HO3D} or {_FRANKMOCAP} in it, found {there}", path)
+
+
+def read_ho3d(paths: Iterable[Path], folder: Path, frames: Frames = None) -> list[Raw]:
+    """The sequence of a `meta` folder; only files inside `frames` are opened.
+
+    Raises:
+        NotJointsError: these are pickles of another kind.
+        InputError: no file in that range, or as `read_pickle`.
+    """
+    return _ho3d(_opened(paths, folder, HO3D_NAME, 1, frames), folder)
+
+
+def read_frankmocap(paths: Iterable[Path], folder: Path, frames: Frames = None) -> list[Raw]:
+    """A sequence for each hand of each person in a folder of FrankMocap's predictions.
+
+    Raises:
+        InputError: no file in that range, or as `read_pickle`.
+    """
+    return _frankmocap(_opened(paths, folder, FRANKMOCAP_NAME, 2, frames), folder)
+
+
+_Opened = list[tuple[int, Path, dict[Any, Any]]]
+
+
+def _opened(
+    paths: Iterable[Path], folder: Path, name: re.Pattern[str], group: int, frames: Frames
+) -> _Opened:
+    """(number, path, content) of files that have that name, in order of their numbers."""
+    named = [(m[group], p) for p in sorted(paths) if (m := name.fullmatch(p.name))]
+    if all(digits for digits, _ in named):
+        numbered = sorted((int(digits), p) for digits, p in named)
+    else:
+        numbered = [(i, p) for i, (_, p) in enumerate(named)]
+    chosen = [(n, p) for n, p in numbered if frames is None or frames[0] <= n <= frames[1]]
+    if not chosen:
+        there = f"{numbered[0][0]}:{numbered[-1][0]}"
+        raise NoFramesError(f"no frame in {frames}, there are {there}", folder)
+    return [(n, p, _content(p.read_bytes(), p)) for n, p in chosen]
+
+
+def _content(data: bytes, path: Path) -> dict[Any, Any]:
+    content = unpickle(io.BytesIO(data), path)
+    if not isinstance(content, dict):
+        raise NotJointsError(f"holds a {type(content).__name__}, expected an object", path)
+    return content
+
+
+def _ho3d(files: _Opened, folder: Path) -> list[Raw]:
+    joints = np.full((len(files), N_JOINTS, 3), np.nan)
+    for row, (_, path, content) in zip(joints, files, strict=True):
+        if _HO3D not in content:
+            there = ", ".join(map(str, list(content)[:8]))
+            raise NotJointsError(f"no {_HO3D} in it, found {there}", path)
+        given = content[_HO3D]
+        if given is None:  # as HO-3D has it where there is no annotation
+            continue
+        points = _points(given, path, _HO3D)
+        if points.shape == (3,):
+            row[0] = points
+        elif points.shape == (N_JOINTS, 3):
+            row[:] = points
+        else:
+            raise InputError(f"{_HO3D} has shape {points.shape}, expected (21, 3)", path)
+    if np.isnan(joints[:, 1:]).all():
+        raise NotJointsError("only wrists: this is HO-3D's evaluation split", folder)
+    place = folder.resolve()
+    name = place.parent.name if place.name == "meta" else place.stem
+    return [
+        Raw(
+            joints * _TO_OPENCV,
+            folder,
+            name,
+            hand="right",
+            unit="m",
+            order="mano",
+            frame_index=np.array([n for n, _, _ in files]),
+            fps=HO3D_FPS,
+        )
+    ]
+
+
+def _frankmocap(files: _Opened, folder: Path) -> list[Raw]:
+    found: dict[tuple[int, Hand], Array] = {}
+    for t, (_, path, content) in enumerate(files):
+        people = content.get(_FRANKMOCAP)
+        if not isinstance(people, list):
+            raise InputError(f"{_FRANKMOCAP} is no list: a file of FrankMocap's?", path)
+        for person, hands in enumerate(people):
+            for hand in HANDS:
+                joints = _predicted(hands, hand, path)
+                if joints is not None:
+                    key = (person, hand)
+                    blank = np.full((len(files), N_JOINTS, 3), np.nan)
+                    found.setdefault(key, blank)[t] = joints
+    if not found:
+        raise NotJointsError("no hand was found in any picture", folder)
+    place = folder.resolve()
+    name = place.parent.name if place.name == "mocap" else place.stem
+    numbers = np.array([n for n, _, _ in files])
+    several = len({person for person, _ in found}) > 1
+    return [
+        Raw(
+            joints,
+            folder,
+            f"{name} person{person}" if several else name,
+            hand=hand,
+            unit="m",
+            order="openpose",
+            frame_index=numbers,
+            tagged=True,
+            notes=("FrankMocap: the hand about its own middle, not where it is in the room",),
+        )
+        for (person, hand), joints in sorted(found.items())
+    ]
+
+
+def _predicted(hands: Any, hand: Hand, path: Path) -> Array | None:
+    of_hand = hands.get(f"{hand}_hand") if isinstance(hands, dict) else None
+    if not of_hand:  # None, or an empty object, where nothing was found
+        return None
+    if not isinstance(of_hand, dict) or _JOINTS not in of_hand:
+        raise InputError(
+            f"{hand}_hand has no {_JOINTS}: older FrankMocap does not save joints", path
+        )
+    points = _points(of_hand[_JOINTS], path, _JOINTS)
+    if points.shape != (N_JOINTS, 3):
+        raise InputError(f"{_JOINTS} has shape {points.shape}, expected (21, 3)", path)
+    return points
+
+
+def _points(value: Any, path: Path, what: str) -> Array:
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"{what} holds {array.dtype}, expected numbers", path)
+    return array.astype(np.float64)
