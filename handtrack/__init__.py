@@ -29,6 +29,7 @@ _WHERE = {
     "calibrate": "fitting.calibrate",
     "Tracker": "tracking.tracker",
     "track": "tracking.tracker",
+    "retrack": "tracking.retrack",
     "Track": "tracking.track",
     "write_mcap": "recording.mcap_io",
     "read_mcap": "recording.mcap_io",
@@ -68,6 +69,7 @@ if TYPE_CHECKING:
     from handtrack.sequences.identity import repair_identity as repair_identity
     from handtrack.sequences.load import load as load
     from handtrack.sequences.sequence import Sequence as Sequence
+    from handtrack.tracking.retrack import retrack as retrack
     from handtrack.tracking.track import Track as Track
     from handtrack.tracking.tracker import Tracker as Tracker
     from handtrack.tracking.tracker import track as track

@@ -16,7 +16,10 @@ import click
 from handtrack import __version__
 from handtrack.errors import HandtrackError, InputError, ModelError, SettingsError
 
-COMMANDS = ("detect", "track", "replay", "stability", "export")
+COMMANDS = (
+    *("detect", "track", "replay", "stability", "export"),
+    *("info", "retrack", "diff", "recover"),
+)
 """In the order of the help."""
 
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from handtrack import HandModel
+    from handtrack.hand.model import Array
     from handtrack.hand.skeleton import Hand
 
 _Command = TypeVar("_Command", bound="Callable[..., Any]")
@@ -66,14 +67,22 @@ class Models:
         self._limits, self._mano, self._tips, self._gltf = limits, mano, mano_tips, gltf
         self._made: dict[Hand, HandModel] = {}
 
-    def of(self, hand: Hand) -> HandModel:
+    def of(self, hand: Hand, shape: Array | None = None) -> HandModel:
         """The model of a hand, read once.
+
+        Args:
+            hand: which.
+            shape: (S,) of MANO; the mean hand by default.
 
         Raises:
             HandtrackError: a file that it needs is not there or cannot be used.
         """
         from handtrack import HandModel
 
+        if self._mano is not None and shape is not None and len(shape):
+            return HandModel.from_mano(
+                self._mano, hand, betas=shape, tips=self._tips, limits=self._limits
+            )
         if hand not in self._made:
             if self._mano is not None:
                 self._made[hand] = HandModel.from_mano(

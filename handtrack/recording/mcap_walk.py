@@ -19,7 +19,7 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 from handtrack.errors import InputError
 
 if TYPE_CHECKING:
-    from mcap.records import Channel
+    from mcap.records import Channel, Schema
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD = struct.Struct("<BQ")
@@ -65,21 +65,24 @@ class Walk:
         metadata: metadata records by name.
         channels: channels by id.
         schemas: names of schemas by id.
+        definitions: schemas by id.
         cut: where and how the file ends too early; empty for a complete file.
         done: whether the end of the data was met.
         chunks: how many were read.
         compression: of the last one.
+        position: byte up to which it was read.
     """
 
     path: Path
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     schemas: dict[int, str] = field(default_factory=dict)
+    definitions: dict[int, Schema] = field(default_factory=dict)
     cut: str = ""
     done: bool = False
     chunks: int = 0
     compression: str = ""
-    _position: int = 0
+    position: int = 0
     _crc: int = 0
 
     def messages(
@@ -114,7 +117,7 @@ class Walk:
         self, stream: IO[bytes], places: Iterable[tuple[int, int]]
     ) -> Iterator[tuple[int, bytes]]:
         for offset, length in places:
-            self._position = offset
+            self.position = offset
             stream.seek(offset)
             record = stream.read(length)
             opcode, size = RECORD.unpack_from(record)
@@ -144,7 +147,7 @@ class Walk:
             reason = error.strerror or str(error)
             raise InputError(f"cannot be read: {reason}", self.path) from error
         except expected as error:
-            where = what or f"damaged at byte {self._position}"
+            where = what or f"damaged at byte {self.position}"
             raise InputError(f"{where}: {error}", self.path) from error
 
     def _records(self, stream: IO[bytes]) -> Iterator[tuple[int, bytes]]:
@@ -152,18 +155,18 @@ class Walk:
         from mcap.opcode import Opcode
 
         size = stream.seek(0, 2)
-        stream.seek(self._position)
-        if not self._position:
+        stream.seek(self.position)
+        if not self.position:
             start = stream.read(len(MAGIC))
             if start != MAGIC:
                 raise InputError("not an MCAP file" if size else "the file is empty", self.path)
-            self._crc, self._position = zlib.crc32(start), len(MAGIC)
-        while self._position < size:
+            self._crc, self.position = zlib.crc32(start), len(MAGIC)
+        while self.position < size:
             head = stream.read(RECORD.size)
             if len(head) < RECORD.size:
                 break
             opcode, length = RECORD.unpack(head)
-            if length > size - self._position - RECORD.size:
+            if length > size - self.position - RECORD.size:
                 break
             content = stream.read(length)
             if opcode == Opcode.DATA_END:
@@ -174,8 +177,8 @@ class Walk:
                 return
             yield opcode, content
             self._crc = zlib.crc32(content, zlib.crc32(head, self._crc))
-            self._position += RECORD.size + length
-        self.cut = f"it ends in the middle of its data, after byte {self._position}"
+            self.position += RECORD.size + length
+        self.cut = f"it ends in the middle of its data, after byte {self.position}"
 
     def _record(
         self, opcode: int, content: bytes, wanted: Callable[[str], bool]
@@ -196,7 +199,7 @@ class Walk:
                 yield Found(channel, sequence, time, content[_MESSAGE.size :])
         elif opcode == Opcode.SCHEMA:
             schema = Schema.read(ReadDataStream(BytesIO(content)))
-            self.schemas[schema.id] = schema.name
+            self.schemas[schema.id], self.definitions[schema.id] = schema.name, schema
         elif opcode == Opcode.CHANNEL:
             record = Channel.read(ReadDataStream(BytesIO(content)))
             self.channels[record.id] = record

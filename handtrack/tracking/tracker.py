@@ -261,7 +261,7 @@ class Tracker:
 def track(
     sequence: Sequence,
     model: HandModel | None = None,
-    calibrate: bool = True,
+    calibrate: bool | str = True,
     filter: str = "none",
     update: bcd.Update = "exact",
     min_joints: int = MIN_JOINTS,
@@ -280,8 +280,8 @@ def track(
     Args:
         sequence: the joints of one hand.
         model: the hand; the free default hand of the sequence's side if left out.
-        calibrate: take bone lengths and palm from the sequence; else the model is only
-            scaled to it.
+        calibrate: take bone lengths and palm from the sequence; False only scales the model to
+            it, "none" takes it as it is.
         filter, update, min_joints, coast_s, process_noise, couple, lag, noise_mm, engine, gate:
             as in `Tracker`.
         progress: called with the number of frames done, now and then.
@@ -302,9 +302,11 @@ def track(
             f"the model is a {model.hand} hand, the sequence a {sequence.hand} one",
             sequence.source or None,
         )
-    calibration = (calibrate_hand if calibrate else scale_to)(model, sequence)
+    hand = model
+    if calibrate != "none":
+        hand = (calibrate_hand if calibrate else scale_to)(model, sequence).model
     tracker = Tracker(
-        calibration.model,
+        hand,
         filter,
         update,
         min_joints,
@@ -326,7 +328,7 @@ def track(
     def made(part: slice, frames: list[TrackedFrame], events: list[Event]) -> Track:
         return track_of_frames(
             frames,
-            calibration.model,
+            hand,
             settings,
             name=sequence.name,
             frame_index=sequence.frame_index[part],

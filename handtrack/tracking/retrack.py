@@ -1,0 +1,116 @@
+"""The input of a track through today's tracker."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from handtrack.errors import ModelError
+from handtrack.hand.model import HandModel
+from handtrack.hand.reshape import reshaped
+from handtrack.sequences.sequence import Remark, Sequence
+from handtrack.tracking.track import Track
+from handtrack.tracking.tracker import track
+
+_OWN = ("sequence", "model", "progress", "on_part")
+
+
+def input_of(stored: Track) -> Sequence:
+    """The sequence that a track was made of, with what was done to single frames of it.
+
+    Raises:
+        InputError: it holds no joint.
+    """
+    return Sequence(
+        time_ns=stored.time_ns,
+        joints=stored.observed,
+        confidence=stored.confidence,
+        hand=stored.hand,
+        frame_index=stored.frame_index,
+        truth=stored.truth,
+        name=stored.name,
+        source=stored.source,
+        subject=stored.subject,
+        remarks=tuple(_remarks(stored)),
+    )
+
+
+def _remarks(stored: Track) -> list[Remark]:
+    """An event whose words are among the reasons of its frame tells of what was done to it."""
+    frame = {int(time): t for t, time in enumerate(stored.time_ns)}
+    reasons = [reason.split("; ") for reason in stored.reason.tolist()]
+    found = []
+    for event in stored.events:
+        first = last = frame.get(event.time_ns, len(stored))
+        while last < len(stored) and event.text in reasons[last]:
+            last += 1
+        if last > first:
+            found.append(Remark(event.time_ns, int(stored.time_ns[last - 1]), event.text))
+    return found
+
+
+def settings_of(stored: Track) -> dict[str, Any]:
+    """The settings that made a track, as far as today's `track` knows them.
+
+    The hand is not among them: it is in the track as it was calibrated.
+    """
+    known = set(inspect.signature(track).parameters) - {*_OWN, "calibrate"}
+    return {name: value for name, value in stored.settings.items() if name in known}
+
+
+def as_stored(model: HandModel, stored: HandModel) -> HandModel:
+    """A model with its own skin and the joints, axes and limits of a hand whose skin is not known.
+
+    Args:
+        model: the model that the hand was made from, such as MANO of the same shape.
+        stored: the hand as a recording holds it.
+    """
+    if not np.array_equal(model.rest_joints, stored.rest_joints):
+        model = reshaped(model, stored.rest_joints)
+    own = {name: getattr(stored, name) for name in ("axes", "limits", "thumb_twist", "shape")}
+    return replace(model, **own)
+
+
+def retrack(
+    stored: Track, model: HandModel | None = None, settings: Mapping[str, Any] | None = None
+) -> Track:
+    """Track the observed joints of a track again.
+
+    With the same version and no settings, the result is the stored track, to the bit.
+
+    Args:
+        stored: the track, such as `read_mcap` returns.
+        model: the hand to fit as it is; the stored one by default. With `calibrate` among the
+            settings it is only where calibration begins.
+        settings: arguments of `track` that replace the stored ones.
+
+    Raises:
+        ModelError: the stored hand is a licensed one (MANO), of which the recording holds no
+            skin, and no model is given.
+        InputError, SettingsError: as `track`.
+    """
+    if model is None:
+        if stored.model.licensed:
+            raise ModelError(
+                f"{stored.name}: the hand is {stored.model.name}, whose licence keeps its skin out"
+                " of recordings: give the model again"
+            )
+        model = stored.model
+    given = dict(settings or {})
+    wanted = {"calibrate": "none", **settings_of(stored), **given}
+    result = track(input_of(stored), model, **wanted)
+    first = int(stored.time_ns[0])
+    # what the reader and the calibration had to say; the tracker says its own things again
+    said = {event.text for event in result.events}
+    notes = [e for e in stored.events if e.level == "warning" and e.time_ns == first]
+    events = (*(e for e in notes if e.text not in said), *result.events)
+    made = dict(result.settings)
+    if "calibrate" not in given:
+        # the hand is still that one
+        made = {**stored.settings, **made, "calibrate": stored.settings.get("calibrate", "none")}
+        made |= {k: stored.settings[k] for k in ("calibration", "model") if k in stored.settings}
+    return replace(result, events=events, settings=made)
