@@ -56,6 +56,8 @@ def recover(source: str | Path, target: str | Path) -> Recovered:
             copy.run(stream)
             note = walk.cut
         except InputError as error:
+            if not copy.begun:
+                raise
             # what was read until there is right: chunks have checksums
             note = str(error).removeprefix(f"{source}: ")
         seconds = copy.finish()
@@ -73,7 +75,7 @@ class _Copy:
         self._metadata: set[str] = {SUMMARY}
         self._summaries: dict[str, HandSummary] = {}
         self._first, self._last = 2**64, 0
-        self.frames = 0
+        self.frames, self.begun = 0, False
 
     def run(self, stream: IO[bytes]) -> None:
         """Copy up to the end, or to where the file is broken.
@@ -85,6 +87,7 @@ class _Copy:
         next(probe.messages(lambda schema: True), None)
         self._writer = McapStream(stream, probe.compression or "none", CHUNK_BYTES)
         for found in self._walk.messages(lambda schema: True):
+            self.begun = True
             self._copy_metadata()
             channel = self._channel(found.channel)
             self._hands.add(found)
@@ -133,7 +136,9 @@ class _Copy:
         for hand in self._hands.all:
             self._sum_up(hand)
         if not self.frames:
-            raise InputError(f"{self._walk.cut or 'damaged'}, no frame is whole", self._walk.path)
+            raise InputError(
+                f"{self._walk.cut or 'it is damaged'}, no frame is whole", self._walk.path
+            )
         self._writer.flush()
         sizes = {
             self._walk.channels[old].topic: self._writer.bytes[new]

@@ -1,0 +1,149 @@
+"""Tracking again what a track was made of; and what differs between two tracks."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import handtrack as ht
+from handtrack.evaluation.difference import difference, differences
+from handtrack.hand.skeleton import JOINT_NAMES
+from handtrack.sequences.sequence import Remark
+from handtrack.tracking.filter_settings import FILTERS
+from handtrack.tracking.retrack import as_stored, retrack
+
+
+@pytest.fixture(scope="module")
+def gaps(sample) -> ht.Sequence:
+    """The sample with gaps, notes and remarks."""
+    joints = sample.joints.copy()
+    joints[40:46] = np.nan
+    joints[100:140, 5:] = np.nan
+    return dataclasses.replace(
+        sample,
+        joints=joints,
+        notes=("what the reader had to say",),
+        remarks=(Remark(int(sample.time_ns[7]), int(sample.time_ns[9]), "hands put back"),),
+    )
+
+
+def same(a: ht.Track, b: ht.Track) -> list[str]:
+    """Names of the fields that differ."""
+    out = []
+    for field in dataclasses.fields(ht.Track):
+        x, y = getattr(a, field.name), getattr(b, field.name)
+        if isinstance(x, np.ndarray):
+            text = x.dtype.kind == "U"
+            equal = x.tolist() == y.tolist() if text else x.tobytes() == y.tobytes()
+        else:
+            equal = x == y if field.name != "model" else x is y
+        if not equal:
+            out.append(field.name)
+    return out
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_with_its_own_settings_it_is_the_same(name, gaps):
+    first = ht.track(gaps, filter=name, coast_s=0.1)
+    again = retrack(first)
+    assert same(first, again) == []
+    assert difference(first, again).same
+
+
+def test_other_settings_change_the_result(sample):
+    first = ht.track(sample, ht.HandModel.default("right", "li2021"))
+    other = retrack(first, settings={"filter": "kalman", "min_joints": 8})
+    assert other.settings["filter"] == "kalman"
+    assert other.settings["min_joints"] == 8
+    assert other.settings["limits"] == "li2021"
+    assert other.model is first.model
+    np.testing.assert_array_equal(other.angles_raw, first.angles_raw)
+    assert not np.array_equal(other.angles, first.angles)
+    wider = retrack(first, first.model.with_limits("anatomical"))
+    assert wider.settings["limits"] == "anatomical"
+    anew = retrack(first, ht.HandModel.default("right", "li2021"), {"calibrate": True})
+    assert difference(first, anew).worst_deg < 1e-6
+
+
+def test_a_setting_that_is_not_known_any_more_is_left_aside(sample):
+    first = ht.track(sample)
+    old = dataclasses.replace(first, settings={**first.settings, "magic": 3})
+    again = retrack(old)
+    assert difference(first, again).same
+    assert again.settings["magic"] == 3
+
+
+def test_a_licensed_hand_is_asked_for(sample):
+    model = dataclasses.replace(ht.HandModel.default("right"), name="mano", licensed=True)
+    first = ht.track(sample, model)
+    bare = dataclasses.replace(
+        first.model,
+        rest_vertices=np.empty((0, 3)),
+        faces=np.empty((0, 3)),
+        weights=np.empty((0, 16)),
+    )
+    stored = dataclasses.replace(first, model=bare)
+    with pytest.raises(ht.ModelError, match="the hand is mano, whose licence"):
+        retrack(stored)
+    again = retrack(stored, as_stored(model, bare))
+    assert [n for n in same(first, again) if n != "model"] == []
+    np.testing.assert_array_equal(again.model.rest_joints, first.model.rest_joints)
+    np.testing.assert_allclose(again.vertices(), first.vertices(), atol=1e-12)
+
+
+def test_differences_are_those_that_were_made(sample):
+    first = ht.track(sample)
+    angles, joints = first.angles.copy(), first.filtered_joints.copy()
+    angles[10, 3] += np.radians(2.0)
+    joints[20, 8] += [0.003, 0.0, 0.004]
+    status = first.status.copy()
+    status[5] = "lost"
+    second = dataclasses.replace(
+        first,
+        angles=angles,
+        filtered_joints=joints,
+        status=status,
+        settings={**first.settings, "filter": "kalman"},
+    )
+    found = difference(first, second)
+    assert not found.same
+    assert found.worst_deg == pytest.approx(2.0)
+    assert found.worst_mm == pytest.approx(5.0)
+    assert found.angles_deg["thumb_ip_flexion"].max == pytest.approx(2.0)
+    assert found.angles_deg["thumb_ip_flexion"].mean == pytest.approx(
+        2.0 / (first.status != "lost").sum()
+    )
+    changed = [name for name, change in found.joints_mm.items() if change.max > 0]
+    assert changed == [JOINT_NAMES[8]]
+    assert (found.statuses, found.one_sided) == (1, 0)
+    assert found.settings == {"filter": ("none", "kalman")}
+    assert found.within(2.01, 5.01)
+    assert not found.within(1.99, 5.01)
+    assert not found.within(2.01, 4.99)
+
+
+def test_a_pose_that_only_one_has_is_beyond_all_tolerances(sample):
+    first = ht.track(sample)
+    angles = first.angles.copy()
+    angles[7] = np.nan
+    found = difference(first, dataclasses.replace(first, angles=angles))
+    assert found.one_sided == 1
+    assert not found.within(np.inf, np.inf)
+
+
+def test_hands_without_a_counterpart_are_refused(sample):
+    first = ht.track(sample)
+    left = dataclasses.replace(first, hand="left", model=ht.HandModel.default("left"))
+    with pytest.raises(ht.InputError, match=r"a right hand, .* a left one"):
+        difference(first, left)
+    with pytest.raises(ht.InputError, match="in one of the two only"):
+        differences([first], [left])
+    with pytest.raises(ht.InputError, match="in one of the two only"):
+        differences([first], [first, left])
+    later = dataclasses.replace(first, frame_index=first.frame_index + 1000)
+    with pytest.raises(ht.InputError, match="no frame in common"):
+        difference(first, later)
+    renamed = dataclasses.replace(first, name="other")
+    assert differences([first], [renamed])[0].same
