@@ -268,8 +268,8 @@ class HandLog:
             self._send(part, f"{entity}/limits", _scalars(bounds), ends)
 
     def _errors(self, part: Track) -> None:
-        """Distances of the joints [mm]: fitted to observed, filtered to true."""
-        values = list(mean_and_max(part.error))
+        """Distances of the joints [mm]: fitted to observed, as far as used; filtered to true."""
+        values = list(mean_and_max(np.where(part.rejected, np.nan, part.error)))
         if part.truth is not None:
             distance = np.linalg.norm(part.filtered_joints - part.truth, axis=-1)
             values.append(mean_and_max(distance)[0])

@@ -36,8 +36,9 @@ def log_lines(track: Track, before: tuple[str, str] = ("fitted", "")) -> list[Li
         track.frame_index.tolist(), track.time_ns.tolist(), states, strict=True
     ):
         status, reason = now
-        # a reason that only its numbers tell from the last one is no news
-        if (status, _words(reason)) != (before[0], _words(before[1])) and time not in told:
+        # a reason that only its numbers tell from the last one is no news, nor is none any more
+        new_reason = bool(reason) and _words(reason) != _words(before[1])
+        if (status != before[0] or new_reason) and time not in told:
             level = "warning" if status == "lost" else "info"
             text = f"frame {frame}: {status}{f': {reason}' if reason else ''}"
             lines.append(Line(time, level, text))

@@ -225,15 +225,14 @@ class Tracker:
     ) -> TrackedFrame:
         row = results.row(t)
         fitted = not math.isnan(row.objective)
-        reason = verdict.reason
-        if row.state == REJECTED:
-            pass
-        elif row.state == lanes.TOO_FEW:
+        reason = ""
+        if row.state == lanes.TOO_FEW:
             reason = f"{row.seen} of 21 joints observed, {self.settings['min_joints']} needed"
         elif row.state == lanes.UNDERDETERMINED:
             reason = "the observed joints lie on a line"
-        elif row.state != lanes.CONVERGED:
-            reason = "; ".join(filter(None, (reason, bcd.STATUS[row.state])))
+        elif row.state not in (lanes.CONVERGED, REJECTED):
+            reason = bcd.STATUS[row.state]
+        reason = "; ".join(filter(None, (verdict.reason, reason)))
         steady = results.rows[t] if filtered is None else filtered
         angles, quaternion, translation, joints = bcd.pose_of(steady)
         return TrackedFrame(

@@ -132,6 +132,26 @@ def test_a_hand_of_the_wrong_size_is_not_used(model, noisy):
     assert distance_mm(frames[T + 3].fitted_joints, noisy[T + 3]).mean() < 6
 
 
+@pytest.mark.parametrize("filter", ["none", "kalman"])
+def test_a_stray_among_too_few_joints(filter, model, noisy):
+    """Too few to be fitted, but a filter that is coupled looks at each of them."""
+    given = noisy[: T + 2].copy()
+    given[T, 4:] = np.nan
+    frames = step_all(model, given, filter=filter)
+    assert not frames[T].rejected.any()
+    assert frames[T].reason == "4 of 21 joints observed, 6 needed"
+    stray = given.copy()
+    stray[T, 2] += [0.3, 0.5, 0.0]
+    frames = step_all(model, stray, filter=filter)
+    assert np.flatnonzero(frames[T].rejected).tolist() == [2]
+    assert frames[T].status == ("lost" if filter == "none" else "predicted")
+    name = "thumb_mcp rejected, too far from the last pose; "
+    assert frames[T].reason == name + "4 of 21 joints observed, 6 needed"
+    if filter == "kalman":
+        assert distance_mm(frames[T].filtered_joints, noisy[T]).mean() < 10
+    assert frames[T + 1].status == "fitted"
+
+
 def test_after_a_while_frames_are_taken_as_they_are(model, noisy):
     """A hand that stays as bad as it is: better a poor fit than none."""
     given = noisy.copy()

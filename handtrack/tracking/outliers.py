@@ -1,0 +1,152 @@
+"""A frame fitted without the joints that are outliers."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.fitting import bcd, frames
+from handtrack.hand.model import HandModel
+from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Point = tuple[float, float, float]
+Place = tuple[Point, Point]
+"""The wrist, and a point before it where the fingertips of a flat hand are [m]."""
+
+_REACH_M = 0.15
+# more outliers in a frame than this, and it is no matter of single joints
+_MOST = 5
+
+NONE: Mask = np.zeros(N_JOINTS, dtype=np.bool_)
+"""No joint of 21."""
+NONE.flags.writeable = False
+
+
+class Fitted(NamedTuple):
+    """A way to fit a frame.
+
+    Attributes:
+        results: of the one frame.
+        w: (21,) weights used.
+        keep: what is kept after it (see `frames.fit_frames`).
+        rejected: (21,) joints that were seen and not used.
+        reason: which, and why.
+    """
+
+    results: bcd.Results
+    w: Array
+    keep: Array
+    rejected: Mask = NONE
+    reason: str = ""
+
+    @property
+    def objective(self) -> float:
+        return float(self.results.objective[0])
+
+    @property
+    def noise(self) -> float:
+        return noise_of(self.objective, float(self.results.rows[0, frames.OUT_SEEN]))
+
+    @property
+    def worst(self) -> float:
+        return float(self.results.worst[0])
+
+    @property
+    def place(self) -> Place:
+        return place_of(self.results.roots[0].tolist())
+
+    def distance(self, observed: Array) -> Array:
+        """(21,) of the joints seen to their fitted ones [m]; 0 where missing."""
+        return lengths(self.results.joints[0] - observed)
+
+
+class Weeder:
+    """Fits single frames."""
+
+    def __init__(self, program: bcd.Program, model: HandModel, min_joints: int):
+        """As `Results.run` has them."""
+        self._program, self._model, self._min_joints = program, model, min_joints
+
+    def fit(self, observed: Array, w: Array, keep: Array) -> Fitted:
+        """The plain fit of a frame (21, 3), (21,), after what is kept."""
+        results, kept = bcd.Results(1, full=False), keep.copy()
+        targets, weights = observed[None].copy(), w[None].copy()
+        start, least = self._model.mean_angles, self._min_joints
+        results.run(self._program, self._model, targets, weights, kept, start, least)
+        return Fitted(results, weights[0], kept)
+
+    def weeded(self, observed: Array, w: Array, keep: Array, look: float, outlier: float) -> Fitted:
+        """The fit without the joints that are outliers.
+
+        Joints are taken away from the worst on, and come back where the fit without them, or
+        the last one, has them near.
+
+        Args:
+            observed, w, keep: as in `fit`.
+            look: distance to the fit at which a joint is looked at [m].
+            outlier: distance to the fit without it at which it is an outlier [m].
+        """
+        used = w.copy()
+        best = first = self.fit(observed, used, keep)
+        cleared = w <= 0.0
+        off: dict[int, float] = {}
+        while True:
+            distance = np.where(cleared | (used <= 0.0), 0.0, best.distance(observed))
+            j = int(distance.argmax())
+            if distance[j] <= look:
+                break
+            if len(off) == _MOST or (used > 0.0).sum() <= self._min_joints:
+                # it is not a matter of single joints
+                return first
+            used[j] = 0.0
+            without = self.fit(observed, used, keep)
+            innovation = float(without.distance(observed)[j])
+            if innovation > outlier:
+                off[j], best = innovation, without
+            else:
+                used[j], cleared[j] = w[j], True
+        last = best.distance(observed)
+        back = [j for j in off if last[j] <= outlier]
+        if back:
+            used[back] = w[back]
+            best = self.fit(observed, used, keep)
+        rejected = np.zeros(N_JOINTS, dtype=np.bool_)
+        rejected[[j for j in off if j not in back]] = True
+        texts = [
+            f"{JOINT_NAMES[j]} rejected, {1e3 * off[j]:.0f} mm off"
+            for j in sorted(off)
+            if rejected[j]
+        ]
+        return best._replace(rejected=rejected, reason=", ".join(texts))
+
+
+def place_of(root: list[float]) -> Place:
+    """Where a hand is, from its rotation (9,) and translation (3,)."""
+    wrist = root[9], root[10], root[11]
+    x, y, z = root[0], root[3], root[6]
+    return wrist, (wrist[0] + _REACH_M * x, wrist[1] + _REACH_M * y, wrist[2] + _REACH_M * z)
+
+
+def moved_by(a: Place, b: Place) -> float:
+    """About how far a hand's joints have moved [m], but for their own bending."""
+    wrist = math.dist(a[0], b[0])
+    return max(wrist, 0.5 * (wrist + math.dist(a[1], b[1])))
+
+
+def lengths(vectors: Array) -> Array:
+    """(21,) lengths of (21, 3); 0 for a missing one."""
+    squared = (vectors * vectors).sum(-1)
+    return np.sqrt(np.where(squared >= 0.0, squared, 0.0))
+
+
+def noise_of(objective: float, seen: float) -> float:
+    """Deviation of the joints per coordinate [m] that a fit's residual shows.
+
+    Few joints do not have 26 unknowns to explain them away: each leaves one at least.
+    """
+    return math.sqrt(objective / max(3.0 * seen - bcd.N_POSE, seen))
