@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from handtrack.cli.inputs import recordings
+from handtrack.cli.models import model_options, take_models
 from handtrack.cli.options import json_option, part_options, quiet_option
 from handtrack.errors import SettingsError
 
@@ -37,6 +38,7 @@ from handtrack.errors import SettingsError
     help="bvh: the unit of length.",
 )
 @part_options
+@model_options
 @json_option
 @quiet_option
 def export(
@@ -51,6 +53,7 @@ def export(
     end: float | None,
     as_json: bool,
     quiet: bool,
+    **models: Any,
 ) -> None:
     """Write recordings for other programs: .csv, .parquet, .npz, .bvh or .glb.
 
@@ -58,6 +61,9 @@ def export(
     OUTPUT says the format; a folder needs --to. Of several hands each gets its own file,
     OUTPUT_right and OUTPUT_left, but a .glb holds all. Where the hand is lost .csv cells are
     empty, .parquet holds null, .npz NaN, and .bvh and .glb hold the last pose.
+
+    Recordings do not hold licensed skins: --mano or --gltf brings that of the model that was
+    tracked into a .glb; without it bones are drawn.
     """
     import handtrack as ht
     from handtrack.recording.part import read_part
@@ -72,12 +78,13 @@ def export(
         )
     if len(found) > 1 and not folder:
         raise SettingsError(f"{len(found)} recordings need a folder to go to, not {output}")
+    given = take_models(models, "anatomical")
     written = []
     for path in found:
         target = output / f"{path.stem}.{to}" if folder else output
         if folder and input.is_dir():
             target = output / path.relative_to(input).with_suffix(f".{to}")
-        tracks = read_part(path, hand, start, end)
+        tracks = [given.dressed(track) for track in read_part(path, hand, start, end)]
         target.parent.mkdir(parents=True, exist_ok=True)
         made = ht.export(tracks, target, raw=raw, up=up, unit=unit)
         written += made

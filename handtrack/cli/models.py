@@ -12,7 +12,7 @@ from handtrack.errors import SettingsError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from handtrack import HandModel
+    from handtrack import HandModel, Track
     from handtrack.hand.model import Array
     from handtrack.hand.skeleton import Hand
 
@@ -93,3 +93,20 @@ class Models:
             else:
                 self._made[hand] = HandModel.default(hand, self._limits)
         return self._made[hand]
+
+    def dressed(self, track: Track) -> Track:
+        """A track from a recording with the skin of the model that is named, if one is.
+
+        Raises:
+            HandtrackError: a file cannot be used, or it is not the hand that was recorded.
+        """
+        from handtrack import HandModel
+        from handtrack.recording.export.dress import dressed
+
+        if self._mano is not None:
+            betas = track.model.shape
+            options: dict[str, Any] = {"tips": self._tips, "limits": self._limits}
+            return dressed(
+                track, HandModel.from_mano(self._mano, track.hand, betas=betas, **options)
+            )
+        return track if self._gltf is None else dressed(track, self.of(track.hand))

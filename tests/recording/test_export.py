@@ -16,10 +16,12 @@ from made_tracks import make_track, with_skin, without_skin
 
 import handtrack as ht
 from handtrack.cli import run
-from handtrack.errors import InputError, SettingsError
+from handtrack.errors import InputError, ModelError, SettingsError
+from handtrack.hand.reshape import reshaped
 from handtrack.hand.rotations import matrix_to_quaternion, vector_to_matrix
 from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES
 from handtrack.recording.export.bvh import euler_zxy
+from handtrack.recording.export.dress import dressed
 from handtrack.recording.mcap_io import write_mcap
 from handtrack.tracking.track import Track
 
@@ -294,6 +296,36 @@ def test_a_licensed_skin_stays_out_of_npz(track: Track, tmp_path: Path) -> None:
     ht.export(dataclasses.replace(track, model=model), tmp_path / "x.npz")
     with np.load(tmp_path / "x.npz") as found:
         assert not {"rest_vertices_m", "faces", "skin_weights"} & set(found.files)
+
+
+def test_a_licensed_skin_comes_back_from_its_model(tmp_path: Path) -> None:
+    """A recording does not hold it; the user's model brings it, in the recorded proportions."""
+    base = dataclasses.replace(ht.HandModel.default("left"), licensed=True)
+    longer = base.rest_joints.copy()
+    longer[7:9] += 0.1 * (longer[7] - longer[6])
+    for model in (base, reshaped(base, longer)):
+        track = make_track(12, "left", model=model, lost=slice(3, 5))
+        (bare,) = ht.read_mcap(write_mcap(track, tmp_path / "x.mcap"))
+        assert len(bare.model.rest_vertices) == 0
+        full = dressed(bare, base)
+        known = track.status != "lost"
+        off = np.abs(full.vertices() - track.vertices())[known]
+        assert off.max() < 1e-6
+        (file,) = ht.export(full, tmp_path / "x.glb")
+        assert file.notes[1:] == ("the skin is licensed: it may not be passed on",)
+        assert np.abs(Glb(file.path).skinned("left_skin") - held(track.vertices())).max() < 2e-6
+    with pytest.raises(
+        InputError, match=r"not the hand that was recorded: skins are \d+\.\d mm apart"
+    ):
+        dressed(bare, reshaped(base, longer, thickness=1.3))
+    with pytest.raises(InputError, match="not the hand that was recorded: other skins"):
+        dressed(bare, with_skin(base))
+    with pytest.raises(ModelError, match="is a right hand"):
+        dressed(bare, ht.HandModel.default("right"))
+    with pytest.raises(ModelError, match="has no skin"):
+        dressed(bare, without_skin(base))
+    plain = make_track(3, "left", lost=slice(0))
+    assert dressed(plain, base) is plain
 
 
 def test_what_cannot_be_done_is_said(track: Track, tmp_path: Path) -> None:
