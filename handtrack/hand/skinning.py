@@ -44,27 +44,38 @@ class Skinning:
         Returns:
             (..., V, 3) [m].
         """
-        transforms = np.concatenate([rotations, offsets[..., None]], -1)  # (..., P, 3, 4)
-        lead, parts = transforms.shape[:-3], transforms.shape[-3]
+        lead, parts = rotations.shape[:-3], rotations.shape[-3]
         n = math.prod(lead)
-        # vertex v, pose n: sum_p w_vp T_np [x_v; 1] as one product over (part, homogeneous axis)
-        rows = np.moveaxis(transforms, -2, -3).reshape(n * 3, parts * 4)
-        skin = (rows @ self._basis).reshape(n, 3, len(self.rest))
-        if local is not None and self._blend is not None:
-            turns = rotations.reshape(n, parts, 3, 3)
-            self._add_blend(skin, turns, (local - np.eye(3)).reshape(n, -1), self._blend)
+        if local is None or self._blend is None:
+            # vertex v, pose n: sum_p w_vp T_np [x_v; 1], one product over (part, homogeneous axis)
+            transforms = np.concatenate([rotations, offsets[..., None]], -1)  # (..., P, 3, 4)
+            rows = np.moveaxis(transforms, -2, -3).reshape(n * 3, parts * 4)
+            skin = rows @ self._basis
+        else:
+            features = (local - np.eye(3)).reshape(n, -1)
+            turns, shifts = rotations.reshape(n, parts, 3, 3), offsets.reshape(n, parts, 3)
+            skin = self._blended(turns, shifts, features, self._blend)
         return np.asarray(skin.reshape(*lead, 3, len(self.rest)).swapaxes(-1, -2))
 
-    def _add_blend(self, skin: Array, rotations: Array, features: Array, blend: Array) -> None:
-        """Add sum_p w_vp R_np (B f_n)_v to vertices (n, 3, V), in place."""
-        for start in range(0, len(skin), _BLOCK):
+    def _blended(self, rotations: Array, offsets: Array, features: Array, blend: Array) -> Array:
+        """sum_p w_vp (R_np (x_v + (B f_n)_v) + t_np), (n, 3, V), block by block in the cache."""
+        n, vertices = len(rotations), len(self.rest)
+        out = np.empty((n, 3, vertices))
+        all_turns, all_rest = np.empty((3, 3, _BLOCK, vertices)), np.empty((_BLOCK, vertices))
+        weights = np.ascontiguousarray(self.weights.T)
+        for start in range(0, n, _BLOCK):
             block = slice(start, start + _BLOCK)
-            turns = rotations[block].transpose(2, 3, 0, 1) @ self.weights.T  # (3, 3, n, V)
+            skin, rest = out[block], all_rest[: n - start]
+            turns = all_turns[:, :, : n - start]
+            np.matmul(rotations[block].transpose(2, 3, 0, 1), weights, out=turns)
+            np.matmul(offsets[block].transpose(0, 2, 1), weights, out=skin)
             for c in range(3):
-                shift = features[block] @ blend[c]  # (n, V) along rest axis c
+                np.matmul(features[block], blend[c], out=rest)
+                rest += self.rest[:, c]
                 for i in range(3):
-                    turns[i, c] *= shift
-                    skin[block, i] += turns[i, c]
+                    turns[i, c] *= rest
+                    skin[:, i] += turns[i, c]
+        return out
 
     @cached_property
     def _basis(self) -> Array:
