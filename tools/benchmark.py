@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from make_mano_like import make_mano_like, write_pickle
 from noise_study import fitted, noisy_motion, noisy_poses, random_angles
 from numpy.typing import NDArray
 from rich.console import Console
@@ -38,9 +39,11 @@ from handtrack.fitting.batch import fit_batch
 from handtrack.fitting.calibrate import calibrate
 from handtrack.hand.limits import DEFAULT_LIMITS, PRESETS
 from handtrack.hand.model import HandModel
+from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.recording.mcap_io import write_mcap
 from handtrack.recording.rerun_log import log_rerun
 from handtrack.sequences.sequence import Sequence
+from handtrack.tracking.track import Track
 from handtrack.tracking.tracker import Tracker, track
 
 Array = NDArray[np.float64]
@@ -239,6 +242,8 @@ def tool_part(quick: bool, limits: str) -> dict[str, Rows]:
             "calibrate, once": (partial(calibrate, model, sequence), None),
             "track, no filter": (follow, None),
             "track, kalman": (partial(follow, "kalman"), None),
+            "skin, default hand": (partial(skin, model, tracked), None),
+            "skin, blend shapes": (partial(skin, mano_like(Path(folder)), tracked), None),
             "write_mcap, no mesh": (partial(write_mcap, tracked, mcap, mesh=False), mcap),
             "write_mcap, mesh": (partial(write_mcap, tracked, mcap), mcap),
             "log_rerun, no mesh": (partial(log_rerun, tracked, save=rrd, mesh=False), rrd),
@@ -255,6 +260,21 @@ def tool_part(quick: bool, limits: str) -> dict[str, Rows]:
             said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
             grown.append({"what": what, "frames": count, **json.loads(said)})
     return {f"the whole tool, {n} frames": rows, "memory, one process each": grown}
+
+
+def skin(model: HandModel, tracked: Track) -> None:
+    """The skin of every frame, 64 at a time as the recorders ask for it."""
+    turns = quaternion_to_matrix(tracked.quaternion)
+    for start in range(0, len(tracked), 64):
+        rows = slice(start, start + 64)
+        model.vertices(tracked.angles[rows], turns[rows], tracked.translation[rows])
+
+
+def mano_like(folder: Path) -> HandModel:
+    """A free stand-in for MANO: 778 vertices, 135 pose blend shapes."""
+    with (folder / "MANO_RIGHT.pkl").open("wb") as file:
+        write_pickle(make_mano_like("right"), file)
+    return HandModel.from_mano(folder, "right")
 
 
 def child(what: str, count: int, limits: str) -> dict[str, float]:

@@ -128,8 +128,8 @@ class MANO:
     ) -> HandModel:
         """The hand of some shape; all angles zero is MANO's flat hand.
 
-        The model's tips move with the last bones; MANO's tip vertices also with the pose
-        blend shapes, by a fraction of a millimetre.
+        The model's tips move with the last bones alone; the skin there also with the pose
+        blend shapes.
 
         Args:
             betas: (n,) the first n <= S shape coefficients; the mean hand by default.
