@@ -100,13 +100,8 @@ class Models:
         Raises:
             HandtrackError: a file cannot be used, or it is not the hand that was recorded.
         """
-        from handtrack import HandModel
         from handtrack.recording.export.dress import dressed
 
-        if self._mano is not None:
-            betas = track.model.shape
-            options: dict[str, Any] = {"tips": self._tips, "limits": self._limits}
-            return dressed(
-                track, HandModel.from_mano(self._mano, track.hand, betas=betas, **options)
-            )
-        return track if self._gltf is None else dressed(track, self.of(track.hand))
+        if self._mano is None and self._gltf is None:
+            return track
+        return dressed(track, self.of(track.hand, track.model.shape))
