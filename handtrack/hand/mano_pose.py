@@ -130,7 +130,7 @@ def from_mano(
     turn = mano_axes(model.hand)
     vectors = joints.reshape(*lead, 15, 3) @ turn.T
     local = vector_to_matrix(vectors[..., MANO_JOINT[1:] - 1, :])
-    angles = _nearest_angles(model, local)
+    angles = nearest_angles(model, local)
     made = model.local_rotations(model.rotations(angles))
     lost = np.linalg.norm(matrix_to_vector(made.swapaxes(-1, -2) @ local), axis=-1)
     root = vector_to_matrix(pose[..., :3])
@@ -149,7 +149,7 @@ def from_mano_joints(joints: ArrayLike) -> Array:
     return np.asarray(joints)[..., list(ORDERS["mano"]), :]
 
 
-def _nearest_angles(model: HandModel, local: Array) -> Array:
+def nearest_angles(model: HandModel, local: Array) -> Array:
     """Angles (..., 20) that bring every joint nearest to rotations (..., 15, 3, 3)."""
     angles = np.zeros((*local.shape[:-3], N_ANGLES))
     for f in range(5):
