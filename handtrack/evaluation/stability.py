@@ -33,7 +33,9 @@ __all__ = [
 ]
 
 
-def stability(tracks: Track | Sequence | Iterable[Track | Sequence]) -> StabilityReport:
+def stability(
+    tracks: Track | Sequence | Estimate | Iterable[Track | Sequence | Estimate],
+) -> StabilityReport:
     """Stability of tracks: their filtered joints against the truth, else against the observed.
 
     If only some have a truth, each is reported against the best it has, and the overall
@@ -43,7 +45,7 @@ def stability(tracks: Track | Sequence | Iterable[Track | Sequence]) -> Stabilit
     Raises:
         InputError: there is no track.
     """
-    given = [tracks] if isinstance(tracks, Track | Sequence) else list(tracks)
+    given = [tracks] if isinstance(tracks, Track | Sequence | Estimate) else list(tracks)
     if not given:
         raise InputError("no track to measure")
     estimates = [_estimate(t) for t in given]

@@ -6,6 +6,7 @@ Only what the paper is compared with poses a hand so; our own fits have 20 angle
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,6 +155,7 @@ def free_fit(
     )
 
 
+@lru_cache(maxsize=8)
 def pose_components(model: HandModel, count: int = 4000) -> tuple[Array, Array]:
     """Mean (45,) and principal components (45, 45), one a row, of random valid poses.
 

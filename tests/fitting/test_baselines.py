@@ -81,7 +81,7 @@ def test_gradient_against_differences(model):
 @pytest.mark.parametrize("hand", ["right", "left"])
 def test_clean_poses_are_found_again(method, within_mm, hand):
     model = HandModel.default(hand)
-    joints, angles, _ = poses(model, 40, seed=3)
+    joints, _, _ = poses(model, 40, seed=3)
     found = baselines.fit_batch(model, joints, method)
     assert 1e3 * pa_mpjpe(found.joints, joints).mean() < within_mm
     # a hand left at rest is far worse, and so is one fitted as the other hand
