@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from handtrack.hand.mano_decode import decode
 from numpy.typing import NDArray
 from paper_fits import METHODS, NAMES, Poses, Row, measure, table
 from rich.console import Console
@@ -32,6 +31,7 @@ from handtrack.evaluation.compare import compare
 from handtrack.evaluation.report import print_comparison
 from handtrack.fitting.free_pose import free_fit
 from handtrack.hand.mano import MANO, MANO_JOINT, mano_axes
+from handtrack.hand.mano_decode import decode
 from handtrack.hand.mano_file import find_mano
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import vector_to_matrix
