@@ -85,7 +85,8 @@ def compiled(
     """
     n = len(joints)
     results = bcd.Results(n, full=False)
-    given = (bcd.constants(model), program.solvers, (*program.settings, 1, 0), model.mean_angles)
+    hand = bcd.constants(model), program.contacts(model)
+    given = (*hand, program.solvers, (*program.settings, 1, 0), model.mean_angles)
     keep = bcd.start_at(model)
     times = np.empty((2, rounds, n))
     for r in range(rounds):

@@ -122,6 +122,33 @@ _TRACKING = {
         default=True,
         help="Let the filter's prediction enter the fit (default), or filter the fits.",
     ),
+    "robust": click.option(
+        "--robust",
+        type=click.Choice(["none", "huber", "geman-mcclure"]),
+        default="none",
+        show_default=True,
+        help="Give joints that are far off little weight (huber), or next to none.",
+    ),
+    "spread_mm": click.option(
+        "--spread-mm",
+        type=click.FloatRange(0, min_open=True),
+        default=10.0,
+        show_default=True,
+        metavar="MM",
+        help="How far off --robust begins to doubt a joint.",
+    ),
+    "noise_mm": click.option(
+        "--noise-mm",
+        type=click.FloatRange(0, min_open=True),
+        metavar="MM",
+        help="Noise of the joints, per coordinate, for variances and filters; by default it is"
+        " estimated.",
+    ),
+    "collisions": click.option(
+        "--collisions/--no-collisions",
+        default=False,
+        help="Move bones apart that sink into each other; off by default.",
+    ),
 }
 """How to track, by the argument of `handtrack.track` that it sets; `limits` are the model's.
 `track` and `retrack` share them."""

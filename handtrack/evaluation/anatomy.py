@@ -6,24 +6,13 @@ from collections.abc import Sequence as Many
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from handtrack.errors import InputError, SettingsError
 from handtrack.evaluation.arrays import Array, nan_mean, points, sequence_of_points
+from handtrack.hand.capsules import FINGER_RADII, contact_depths
 from handtrack.hand.limits import Limits
 from handtrack.hand.skeleton import BONES, N_ANGLES, N_JOINTS
-
-FINGER_RADII = np.array(
-    [
-        [0.0100, 0.0095, 0.0090],
-        [0.0090, 0.0080, 0.0070],
-        [0.0090, 0.0080, 0.0075],
-        [0.0085, 0.0080, 0.0070],
-        [0.0080, 0.0070, 0.0065],
-    ]
-)
-"""(5, 3) radii of the finger bones' capsules [m], base to tip: our choice, a little below half
-the breadth of an adult's fingers, for flesh gives way where fingers touch."""
 
 
 def bone_lengths(x: ArrayLike, bones: Many[tuple[int, int]] = BONES) -> Array:
@@ -140,54 +129,24 @@ def self_intersection(x: ArrayLike, radii: ArrayLike = FINGER_RADII) -> Array:
     radii = np.asarray(radii, dtype=np.float64)
     if radii.shape != (5, 3) or not (radii >= 0).all():
         raise SettingsError(f"radii have shape {radii.shape}, expected (5, 3), none negative")
-    base = np.array([4 * f + 1 + i for f in range(5) for i in range(3)])
     first, second = np.triu_indices(15, 1)
     other = first // 3 != second // 3
     first, second = first[other], second[other]
     reach = radii.ravel()[first] + radii.ravel()[second]
+    return deepest_contact(x, np.column_stack([first, second, reach]))
+
+
+def deepest_contact(x: Array, pairs: Array) -> Array:
+    """(T,) greatest depth of pairs of capsules, as `self_intersection` has it.
+
+    Args:
+        x: (T, 21, 3) joints, NaN = missing.
+        pairs: as `hand.capsules.contacts` gives them.
+    """
     out = np.empty(len(x))
     for start in range(0, len(x), 2000):  # 90 pairs a frame: keep the temporaries small
-        block = x[start : start + 2000]
-        distance = segment_distance(
-            block[:, base[first]],
-            block[:, base[first] + 1],
-            block[:, base[second]],
-            block[:, base[second] + 1],
-        )
-        depth = reach - distance
+        depth = contact_depths(x[start : start + 2000], pairs)
         known = ~np.isnan(depth)
         deepest = np.where(known, np.maximum(depth, 0.0), 0.0).max(1)
         out[start : start + 2000] = np.where(known.any(1), deepest, np.nan)
     return out
-
-
-def segment_distance(p0: ArrayLike, p1: ArrayLike, q0: ArrayLike, q1: ArrayLike) -> Array:
-    """Distance (...) of the segments p0-p1 and q0-q1, each end (..., 3).
-
-    The least of |p0 + s u - q0 - t v| over the unit square is inside it, where the gradient
-    is zero, or on one of its four sides, where it is a point-to-segment distance.
-    """
-    p0, p1, q0, q1 = (np.asarray(v, dtype=np.float64) for v in (p0, p1, q0, q1))
-    u, v, w = p1 - p0, q1 - q0, p0 - q0
-    a, b, c = (u * u).sum(-1), (u * v).sum(-1), (v * v).sum(-1)
-    d, e = (u * w).sum(-1), (v * w).sum(-1)
-    det = a * c - b * b
-    skew = det > 1e-12 * a * c
-    safe = np.where(skew, det, 1.0)
-    s, t = (b * e - c * d) / safe, (a * e - b * d) / safe
-    inside = skew & (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
-    between = np.linalg.norm(w + s[..., None] * u - t[..., None] * v, axis=-1)
-    sides = np.minimum(
-        np.minimum(_point_segment(p0, q0, v, c), _point_segment(p1, q0, v, c)),
-        np.minimum(_point_segment(q0, p0, u, a), _point_segment(q1, p0, u, a)),
-    )
-    return np.asarray(np.where(inside, np.minimum(between, sides), sides))
-
-
-def _point_segment(
-    point: Array, start: Array, along: Array, squared_length: NDArray[np.float64]
-) -> Array:
-    offset = point - start
-    safe = np.where(squared_length > 0, squared_length, 1.0)
-    t = np.clip((offset * along).sum(-1) / safe, 0.0, 1.0)
-    return np.asarray(np.linalg.norm(offset - t[..., None] * along, axis=-1))

@@ -20,7 +20,6 @@ from handtrack.evaluation.alignment import (
     rigid_pa_mpjpe,
 )
 from handtrack.evaluation.anatomy import (
-    FINGER_RADII,
     LimitViolations,
     angle_error,
     bone_length_drift,
@@ -30,6 +29,7 @@ from handtrack.evaluation.anatomy import (
 )
 from handtrack.evaluation.arrays import Array, lengths, nan_mean, pair, points
 from handtrack.evaluation.motion import acceleration, acceleration_error, jitter, lag
+from handtrack.hand.capsules import FINGER_RADII
 from handtrack.hand.skeleton import FINGERS, N_JOINTS
 
 __all__ = [

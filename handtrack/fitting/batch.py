@@ -46,12 +46,13 @@ def fit_batch(
     robust: bcd.Robust = "none",
     spread_mm: float = bcd.SPREAD_MM,
     noise_mm: float | None = None,
+    collisions: bool = False,
     threads: int | None = None,
 ) -> BatchFit:
     """Fit a hand model to many unrelated frames, each from the model's mean pose.
 
     Args:
-        model, update, method, robust, spread_mm, noise_mm: as in `fit`.
+        model, update, method, robust, spread_mm, noise_mm, collisions: as in `fit`.
         joints: (N, 21, 3) in the world [m]; NaN = missing.
         weights: (N, 21) or (21,), not negative; 1 by default.
         threads: as many as there are cores by default.
@@ -71,7 +72,10 @@ def fit_batch(
     threads = os.cpu_count() or 1 if threads is None else threads
     if threads < 1:
         raise SettingsError(f"threads is {threads}, expected at least 1")
-    program = bcd.Program(update, method, robust, spread_mm, noise_mm=noise_mm)
+    program = bcd.Program(
+        update, method, robust, spread_mm, noise_mm=noise_mm, collisions=collisions
+    )
+    program.contacts(model)  # once, not in every thread
 
     def run(part: slice) -> bcd.Results:
         results = bcd.Results(len(targets[part]), full=False)

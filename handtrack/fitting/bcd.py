@@ -12,6 +12,7 @@ from handtrack.errors import InputError, SettingsError
 from handtrack.fitting import bends, covariance, frames, lanes
 from handtrack.fitting.compiled import addresses
 from handtrack.fitting.newton import newton
+from handtrack.hand.capsules import contacts
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
 
@@ -35,6 +36,8 @@ TOLERANCE = 1e-5
 # sweeps before the Newton steps of a cold start, and the steps at most
 COLD_SWEEPS = 2
 MAX_STEPS = 100
+
+_NO_CONTACTS = np.empty((0, lanes.PAIR))
 
 STATUS = {
     lanes.CONVERGED: "converged",
@@ -93,6 +96,7 @@ def fit(
     max_sweeps: int = MAX_SWEEPS,
     tolerance: float = TOLERANCE,
     noise_mm: float | None = None,
+    collisions: bool = False,
 ) -> Fit:
     """Fit a hand model to joints (Li et al. 2021, eq. 6).
 
@@ -115,6 +119,8 @@ def fit(
             this share of it.
         noise_mm: standard deviation of a joint's coordinates [mm], for the covariance; by
             default it is estimated from the residual.
+        collisions: move bones apart that sink into each other (see `fitting.collisions`); what
+            they sink in counts beside the objective, and the covariance knows nothing of it.
 
     Returns:
         The fit. Its status says where the joints do not determine the pose; angles that
@@ -128,7 +134,9 @@ def fit(
     """
     if starts < 1:
         raise SettingsError(f"starts is {starts}, expected at least 1")
-    program = Program(update, method, robust, spread_mm, max_sweeps, tolerance, noise_mm)
+    program = Program(
+        update, method, robust, spread_mm, max_sweeps, tolerance, noise_mm, collisions
+    )
     targets, w = observations(joints, weights)
     keep = start_at(model, start)
     first = keep[: frames.KEEP_ROOT].copy()
@@ -158,6 +166,7 @@ class Program:
         max_sweeps: int = MAX_SWEEPS,
         tolerance: float = TOLERANCE,
         noise_mm: float | None = None,
+        collisions: bool = False,
     ):
         """As in `fit`.
 
@@ -186,7 +195,12 @@ class Program:
         else:
             sweep, known = addresses(bcd, covariance.unit_covariance)
             step = other = 0
-        self.solvers = (sweep, step, other, known)
+        self.collisions, apart = collisions, 0
+        if collisions:
+            from handtrack.fitting.collisions import move_apart
+
+            (apart,) = addresses(move_apart)
+        self.solvers = (sweep, step, other, apart, known)
         # reweighting converges linearly: let it come as near
         share = tolerance if robust == "none" else 1e-2 * tolerance
         self.settings = (
@@ -198,6 +212,15 @@ class Program:
             1e-3 * spread_mm,
             0.0 if noise_mm is None else (1e-3 * noise_mm) ** 2,
         )
+        self._contacts: tuple[HandModel, Array] | None = None
+
+    def contacts(self, model: HandModel) -> Array:
+        """(P, 5) pairs of the hand's capsules that may meet; none where that is not asked."""
+        if not self.collisions:
+            return _NO_CONTACTS
+        if self._contacts is None or self._contacts[0] is not model:
+            self._contacts = model, contacts(model)
+        return self._contacts[1]
 
 
 class Results:
@@ -291,6 +314,7 @@ class Results:
         """
         wrong = frames.fit_frames(
             constants(model),
+            program.contacts(model),
             program.solvers,
             (*program.settings, min_joints, int(alone)),
             start,
@@ -435,7 +459,7 @@ def _load_loop() -> None:
     none = np.empty((0, N_JOINTS, 3)), np.empty((0, N_JOINTS))
     settings = (0, 1, 1, 0.0, lanes.NO_LOSS, 0.0, 0.0, 1, 0)
     arrays = (model.mean_angles, start_at(model), *none, Results(0).rows, Results(0).covariance)
-    frames.fit_frames(constants(model), (0, 0, 0, 0), settings, *arrays)
+    frames.fit_frames(constants(model), _NO_CONTACTS, (0, 0, 0, 0, 0), settings, *arrays)
 
 
 def warm_up() -> None:

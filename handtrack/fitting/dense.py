@@ -8,6 +8,17 @@ from __future__ import annotations
 import math
 
 from handtrack.fitting.compiled import inline
+from handtrack.fitting.lanes import (
+    CURVE,
+    FREE_2,
+    FREE_3,
+    FREE_N,
+    FREE_T,
+    LANES,
+    NORMAL_Y,
+    NORMAL_Z,
+    STEP_Z,
+)
 
 N = 26
 
@@ -128,3 +139,58 @@ def apply_matrix(a, x, out):
         for j in range(N):
             v += a[i, j] * x[j]
         out[i] = v
+
+
+@inline
+def hold_faces(s, h, x):
+    """Hold a pose's system h step = x to the limits' active faces, which are in the buffer.
+
+    A saddle on its ellipse moves along the tangent; a hinge at its bound not at all. Returns
+    whether there is any.
+    """
+    faces = False
+    for f in range(5):
+        k = 4 * f
+        if s[FREE_N + f] == 0.0 or s[FREE_T + f] == 0.0:
+            faces = True
+            c, n = s[NORMAL_Z + f], s[NORMAL_Y + f]
+            for j in range(N):
+                z, y = h[k, j], h[k + 1, j]
+                h[k, j], h[k + 1, j] = c * z + n * y, c * y - n * z
+            for j in range(N):
+                z, y = h[j, k], h[j, k + 1]
+                h[j, k], h[j, k + 1] = c * z + n * y, c * y - n * z
+            z, y = x[k], x[k + 1]
+            x[k], x[k + 1] = c * z + n * y, c * y - n * z
+            h[k + 1, k + 1] += s[CURVE + f]
+            if s[FREE_T + f] == 0.0:
+                hold(h, x, k + 1)
+            hold(h, x, k)
+        if s[FREE_2 + f] == 0.0:
+            faces = True
+            hold(h, x, k + 2)
+        if s[FREE_3 + f] == 0.0:
+            faces = True
+            hold(h, x, k + 3)
+    return faces
+
+
+@inline
+def hold(h, x, k):
+    for j in range(N):
+        h[k, j] = h[j, k] = 0.0
+    h[k, k] = 1.0
+    x[k] = 0.0
+
+
+@inline
+def leave_faces(s, x):
+    """The step of the angles from the faces' directions to angles, in x and in STEP."""
+    for f in range(5):
+        k = 4 * f
+        if s[FREE_N + f] == 0.0 or s[FREE_T + f] == 0.0:
+            c, n = s[NORMAL_Z + f], s[NORMAL_Y + f]
+            z, y = x[k], x[k + 1]
+            x[k], x[k + 1] = c * z - n * y, n * z + c * y
+        for i in range(4):
+            s[STEP_Z + i * LANES + f] = x[k + i]

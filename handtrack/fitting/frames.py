@@ -14,6 +14,7 @@ from handtrack.fitting.compiled import call, inline, kernel
 from handtrack.fitting.lanes import (
     ANGLE_Z,
     COLD,
+    CONTACTS,
     CONVERGED,
     COVARIANCE,
     FULL,
@@ -22,8 +23,8 @@ from handtrack.fitting.lanes import (
     MAX_STEPS,
     MAX_SWEEPS,
     OBJECTIVE,
+    PAIR,
     RISE,
-    SIZE,
     SPREAD2,
     STALLED,
     STATE,
@@ -137,13 +138,17 @@ def store_quaternion(out, i, root):
 
 
 @kernel
-def fit_frames(model, solvers, settings, mean, keep, targets, weights, out, out_covariance):
+def fit_frames(
+    model, contacts, solvers, settings, mean, keep, targets, weights, out, out_covariance
+):
     """Fit frame after frame, each from the one before.
 
     Args:
         model: (rest joints (21, 3), axes (20, 3), lower (20,), upper (20,), twist).
+        contacts: (P, 5) pairs of capsules (see `hand.capsules.contacts`); (0, 5) for none.
         solvers: addresses of Algorithm 1, of the Newton steps (0: Algorithm 1 alone), of the
-            fingers' other bends (0: none are tried) and of the covariance.
+            fingers' other bends (0: none are tried), of `move_apart` (0: nothing is) and of the
+            covariance.
         settings: (sweeps of a cold start, sweeps at most, steps at most, tolerance, robust loss,
             its spread [m], variance of the joints [m^2] or 0 for what the residual shows, joints
             below which a frame is not fitted, 1 where every frame starts anew from `mean`). With
@@ -162,13 +167,17 @@ def fit_frames(model, solvers, settings, mean, keep, targets, weights, out, out_
         GOOD; INFINITE_JOINT or BAD_WEIGHT (negative or not finite), and nothing is fitted.
     """
     rest, axes, lower, upper, twist = model
-    descend, newton, bends, covariance = solvers
+    descend, newton, bends, apart, covariance = solvers
     cold_sweeps, max_sweeps, max_steps, tolerance, loss, spread, known, min_joints, alone = settings
     for t in range(len(targets)):
         wrong = clean(targets[t], weights[t])
         if wrong != GOOD:
             return wrong
-    s = np.zeros(SIZE)
+    s = np.zeros(CONTACTS + 1 + PAIR * len(contacts))
+    s[CONTACTS] = len(contacts)
+    for i in range(len(contacts)):
+        for j in range(PAIR):
+            s[CONTACTS + 1 + PAIR * i + j] = contacts[i, j]
     load_model(s, rest, axes, lower, upper, twist)
     full = len(out_covariance) > 0
     s[MAX_STEPS] = max_steps
@@ -245,6 +254,9 @@ def fit_frames(model, solvers, settings, mean, keep, targets, weights, out, out_
                     store_pose(s, best_angles, best_root)
         keep[MEMORY] = FITTED
         load_pose(s, best_angles, best_root)
+        if apart != 0:
+            call(apart, s)
+            best = s[OBJECTIVE]
         store_pose(s, angles, root)
         call(covariance, s)
         store_joints(s, out[t, OUT_JOINTS:OUT_OBJECTIVE].reshape(21, 3))

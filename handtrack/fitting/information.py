@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from handtrack.fitting.arrowhead import root_hessian
-from handtrack.fitting.compiled import Solver
+from handtrack.fitting.compiled import Solver, inline
 from handtrack.fitting.lanes import (
     COVARIANCE,
     FULL,
+    GRADIENT,
     H_22,
     H_23,
     H_33,
@@ -21,19 +22,44 @@ from handtrack.fitting.lanes import (
     OBJECTIVE,
     ROW,
     ROW_Z,
-    SIZE,
     SYSTEM,
     G,
     buffer_rotation,
     differentiate,
     place,
 )
+from handtrack.fitting.vectors import apply
 
-GRADIENT = SIZE
-"""Where the gradient (26,) goes: behind the fitter's buffer."""
 HESSIAN = COVARIANCE
-LONG = SIZE + 26
-"""Size of a buffer with room for the gradient."""
+
+
+@inline
+def assemble(s, g, h):
+    """Gradient (26,) and Hessian (26, 26) from their parts in the buffer.
+
+    Order: angles, then the fitter's own unknowns of the root, a turn and a shift in its frame.
+    The buffer is as `differentiate` and `root_hessian` leave it.
+    """
+    for i in range(20):
+        for j in range(20):
+            h[i, j] = 0.0
+    for f in range(5):
+        k = 4 * f
+        h[k, k], h[k, k + 1], h[k, k + 2] = s[H_ZZ + f], s[H_ZY + f], s[H_Z2 + f]
+        h[k, k + 3], h[k + 1, k + 1] = s[H_Z3 + f], s[H_YY + f]
+        h[k + 1, k + 2], h[k + 1, k + 3] = s[H_Y2 + f], s[H_Y3 + f]
+        h[k + 2, k + 2], h[k + 2, k + 3], h[k + 3, k + 3] = s[H_22 + f], s[H_23 + f], s[H_33 + f]
+        for i in range(4):
+            row = ROW_Z + i * ROW + f
+            g[k + i] = s[row + G]
+            for j in range(i):
+                h[k + i, k + j] = h[k + j, k + i]
+            for j in range(6):
+                h[k + i, 20 + j] = h[20 + j, k + i] = s[row + j * LANES]
+    for i in range(6):
+        g[20 + i] = s[SYSTEM + i * LANES + 6]
+        for j in range(6):
+            h[20 + i, 20 + j] = s[SYSTEM + i * LANES + j]
 
 
 @Solver
@@ -48,42 +74,14 @@ def information(s):
         return
     differentiate(s, 0.0)
     root_hessian(s)
-    h = s[HESSIAN : HESSIAN + 676].reshape(26, 26)
-    for i in range(20):
-        for j in range(20):
-            h[i, j] = 0.0
+    g, h = s[GRADIENT : GRADIENT + 26], s[HESSIAN : HESSIAN + 676].reshape(26, 26)
+    assemble(s, g, h)
+    # the root's own part: from its frame to the world, on both sides
     r = buffer_rotation(s)
-    for f in range(5):
-        k = 4 * f
-        h[k, k], h[k, k + 1], h[k, k + 2] = s[H_ZZ + f], s[H_ZY + f], s[H_Z2 + f]
-        h[k, k + 3], h[k + 1, k + 1] = s[H_Z3 + f], s[H_YY + f]
-        h[k + 1, k + 2], h[k + 1, k + 3] = s[H_Y2 + f], s[H_Y3 + f]
-        h[k + 2, k + 2], h[k + 2, k + 3], h[k + 3, k + 3] = s[H_22 + f], s[H_23 + f], s[H_33 + f]
-        for i in range(4):
-            row = ROW_Z + i * ROW + f
-            s[GRADIENT + k + i] = s[row + G]
-            for j in range(i):
-                h[k + i, k + j] = h[k + j, k + i]
-            for b in range(2):
-                at = row + 3 * b * LANES
-                x, y, z = s[at], s[at + LANES], s[at + 2 * LANES]
-                for j in range(3):
-                    v = r[j][0] * x + r[j][1] * y + r[j][2] * z
-                    h[k + i, 20 + 3 * b + j] = h[20 + 3 * b + j, k + i] = v
-    # the root's own part: from its frame to the world on both sides
-    for b in range(2):
-        for j in range(3):
-            v = 0.0
-            for i in range(3):
-                v += r[j][i] * s[SYSTEM + (3 * b + i) * LANES + 6]
-            s[GRADIENT + 20 + 3 * b + j] = v
-        for c in range(2):
-            for i in range(3):
-                for j in range(3):
-                    v = 0.0
-                    for m in range(3):
-                        w = 0.0
-                        for n in range(3):
-                            w += s[SYSTEM + (3 * b + m) * LANES + 3 * c + n] * r[j][n]
-                        v += r[i][m] * w
-                    h[20 + 3 * b + i, 20 + 3 * c + j] = v
+    for k in (20, 23):
+        g[k], g[k + 1], g[k + 2] = apply(r, (g[k], g[k + 1], g[k + 2]))
+        for j in range(26):
+            h[k, j], h[k + 1, j], h[k + 2, j] = apply(r, (h[k, j], h[k + 1, j], h[k + 2, j]))
+    for k in (20, 23):
+        for i in range(26):
+            h[i, k], h[i, k + 1], h[i, k + 2] = apply(r, (h[i, k], h[i, k + 1], h[i, k + 2]))

@@ -74,14 +74,19 @@ ROOT_BEFORE = ROOT + 12
 RHO = ROOT_BEFORE + 12
 CHANGE = RHO + 8
 SYSTEM = CHANGE + 8
-# settings and results of the solvers; the angles' variances and the pose's covariance (26 x 26)
+# settings and results of the solvers; the angles' variances, the pose's covariance (26 x 26) and
+# a dense gradient
 MAX_SWEEPS, MAX_STEPS, TOLERANCE, LOSS, SPREAD2, COLD, FULL = range(
     SYSTEM + 6 * LANES, SYSTEM + 6 * LANES + 7
 )
 OBJECTIVE, SWEEPS, STEPS, STATE = range(FULL + 1, FULL + 5)
 VARIANCE = STATE + 1
 COVARIANCE = VARIANCE + 20
-SIZE = COVARIANCE + 26 * 26
+GRADIENT = COVARIANCE + 26 * 26
+SIZE = GRADIENT + 26
+# behind the buffer, where collisions are to be avoided: how many pairs of capsules may meet, and
+# the numbers of each (see `hand.capsules.contacts`)
+CONTACTS, PAIR = SIZE, 5
 
 # what STATE says
 CONVERGED, LIMIT, STALLED, TOO_FEW, UNDERDETERMINED = range(5)

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from handtrack.fitting import bcd
 from handtrack.fitting.frames import OUT_NOISE, OUT_SIZE
-from handtrack.fitting.information import LONG, information
+from handtrack.fitting.information import information
+from handtrack.fitting.lanes import SIZE
 from handtrack.hand.model import HandModel
 from handtrack.tracking import kalman_kernel as kernels
 from handtrack.tracking import process_kernel, process_noise, smoother_kernel
@@ -82,7 +83,7 @@ class KalmanFilter:
         settings: which filter.
         coast_s: how long to predict where nothing is fitted [s].
         """
-        self._buffer = np.zeros(LONG)
+        self._buffer = np.zeros(SIZE)
         kernels.load(self._buffer, *(np.array(x) for x in bcd.constants(model)))
         follow = settings.process_noise == "auto"
         self._settings: tuple[Any, ...] = (

@@ -14,7 +14,9 @@ from handtrack.fitting.dense import (
     apply_matrix,
     divide,
     factor,
+    hold_faces,
     invert,
+    leave_faces,
     multiply,
     solve_one,
     subtract_square,
@@ -30,17 +32,11 @@ from handtrack.fitting.frames import (
     OUT_ROOT,
     store_quaternion,
 )
-from handtrack.fitting.information import GRADIENT, HESSIAN
+from handtrack.fitting.information import HESSIAN
 from handtrack.fitting.lanes import (
-    CURVE,
-    FREE_2,
-    FREE_3,
-    FREE_N,
-    FREE_T,
     FULL,
+    GRADIENT,
     LANES,
-    NORMAL_Y,
-    NORMAL_Z,
     OBJECTIVE,
     RHO,
     ROW,
@@ -201,48 +197,6 @@ def weigh(s, solver, x, p, v, angles, root, precision):
 
 
 @inline
-def constrain(s, p, v):
-    """Hold the system in p[S], v[STEP] to the limits' active faces.
-
-    A saddle on its ellipse moves along the tangent; a hinge at its bound not at all. Returns
-    whether there is any.
-    """
-    faces = False
-    for f in range(5):
-        k = 4 * f
-        if s[FREE_N + f] == 0.0 or s[FREE_T + f] == 0.0:
-            faces = True
-            c, n = s[NORMAL_Z + f], s[NORMAL_Y + f]
-            for j in range(26):
-                z, y = p[S, k, j], p[S, k + 1, j]
-                p[S, k, j], p[S, k + 1, j] = c * z + n * y, c * y - n * z
-            for j in range(26):
-                z, y = p[S, j, k], p[S, j, k + 1]
-                p[S, j, k], p[S, j, k + 1] = c * z + n * y, c * y - n * z
-            z, y = v[STEP, k], v[STEP, k + 1]
-            v[STEP, k], v[STEP, k + 1] = c * z + n * y, c * y - n * z
-            p[S, k + 1, k + 1] += s[CURVE + f]
-            if s[FREE_T + f] == 0.0:
-                fix(p, v, k + 1)
-            fix(p, v, k)
-        if s[FREE_2 + f] == 0.0:
-            faces = True
-            fix(p, v, k + 2)
-        if s[FREE_3 + f] == 0.0:
-            faces = True
-            fix(p, v, k + 3)
-    return faces
-
-
-@inline
-def fix(p, v, k):
-    for j in range(26):
-        p[S, k, j] = p[S, j, k] = 0.0
-    p[S, k, k] = 1.0
-    v[STEP, k] = 0.0
-
-
-@inline
 def load_inside(s, angles, root):
     """Put a pose into the buffer, moved inside the limits."""
     load_pose(s, angles, root)
@@ -290,18 +244,11 @@ def best_pose(s, solver, x, p, v, angles, root, row, precision):
             for i in range(4):
                 s[ROW_Z + i * ROW + G + f] = v[GRAD, 4 * f + i]
         guess_faces(s)
-        x[READY] = 0.0 if constrain(s, p, v) else 1.0
+        x[READY] = 0.0 if hold_faces(s, p[S], v[STEP]) else 1.0
         x[LOG_DETERMINANT] = factor(p[S], p[U])
         solve_one(p[U], v[STEP])
+        leave_faces(s, v[STEP])
         promise = 0.0
-        for f in range(5):
-            k = 4 * f
-            if s[FREE_N + f] == 0.0 or s[FREE_T + f] == 0.0:
-                c, n = s[NORMAL_Z + f], s[NORMAL_Y + f]
-                z, y = v[STEP, k], v[STEP, k + 1]
-                v[STEP, k], v[STEP, k + 1] = c * z - n * y, n * z + c * y
-            for i in range(4):
-                s[STEP_Z + i * LANES + f] = v[STEP, k + i]
         for i in range(26):
             promise -= v[GRAD, i] * v[STEP, i]
         if not promise > _PROMISE:

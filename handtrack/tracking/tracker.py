@@ -81,6 +81,9 @@ class Tracker:
         noise_mm: float | None = None,
         engine: str = "compiled",
         gate: bool = True,
+        robust: bcd.Robust = "none",
+        spread_mm: float = bcd.SPREAD_MM,
+        collisions: bool = False,
     ):
         """Args:
         model: the hand to fit.
@@ -90,6 +93,7 @@ class Tracker:
         coast_s: how long a filter predicts where nothing is fitted [s].
         process_noise, couple, lag, noise_mm, engine: of the filter, as in `FilterSettings`.
         gate: leave out joints and frames that cannot be true (`handtrack.tracking.gating`).
+        robust, spread_mm, collisions: of the fit, as in `handtrack.fit`.
 
         Raises:
             SettingsError: a value makes no sense.
@@ -111,8 +115,13 @@ class Tracker:
             "noise_mm": noise_mm,
             "engine": engine,
             "gate": gate,
+            "robust": robust,
+            "spread_mm": spread_mm,
+            "collisions": collisions,
         }
-        self._program = bcd.Program(update, noise_mm=noise_mm)
+        self._program = bcd.Program(
+            update, "newton", robust, spread_mm, noise_mm=noise_mm, collisions=collisions
+        )
         self._gate = Gate(self._program, model, min_joints, coast_s) if gate else None
         self._filter = make_filter(steady, model, coast_s)
         self._waits = filter in ("fixed-lag", "rts")
@@ -271,6 +280,9 @@ def track(
     noise_mm: float | None = None,
     engine: str = "compiled",
     gate: bool = True,
+    robust: bcd.Robust = "none",
+    spread_mm: float = bcd.SPREAD_MM,
+    collisions: bool = False,
     progress: Callable[[int], None] | None = None,
     on_part: Callable[[Track], None] | None = None,
 ) -> Track:
@@ -281,8 +293,8 @@ def track(
         model: the hand; the free default hand of the sequence's side if left out.
         calibrate: take bone lengths and palm from the sequence; False only scales the model to
             it, "none" takes it as it is.
-        filter, update, min_joints, coast_s, process_noise, couple, lag, noise_mm, engine, gate:
-            as in `Tracker`.
+        filter, update, min_joints, coast_s, process_noise, couple, lag, noise_mm, engine, gate,
+            robust, spread_mm, collisions: as in `Tracker`.
         progress: called with the number of frames done, now and then.
         on_part: called with every stretch of frames as soon as it is final, in order: what it
             gets, one after another, is the track returned.
@@ -316,6 +328,9 @@ def track(
         noise_mm,
         engine,
         gate,
+        robust,
+        spread_mm,
+        collisions,
     )
     settings = {
         **tracker.settings,

@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 
 from handtrack.errors import InputError, SettingsError
 from handtrack.evaluation import metrics
-from handtrack.evaluation.anatomy import segment_distance
+from handtrack.hand.capsules import segment_distance
 from handtrack.hand.limits import preset
 from handtrack.hand.model import HandModel
 
