@@ -462,6 +462,11 @@ def _load_loop() -> None:
     frames.fit_frames(constants(model), _NO_CONTACTS, (0, 0, 0, 0, 0), settings, *arrays)
 
 
+def forget(keep: Array) -> None:
+    """Make of what is kept that the frame before was lost: the next one starts anew as well."""
+    keep[frames.MEMORY] = min(keep[frames.MEMORY], frames.LOST)
+
+
 def warm_up() -> None:
     """Load the compiled code, or compile it (on the machine's first run) on two cores."""
     Program()

@@ -215,11 +215,11 @@ class Gate:
         if math.isnan(results.objective[t]):
             strays = self._strays(observed, w, time_ns)
             w[strays] = 0.0
-            keep[frames.MEMORY] = min(keep[frames.MEMORY], frames.LOST)
+            bcd.forget(keep)
             names = ", ".join(JOINT_NAMES[j] for j in np.flatnonzero(strays))
             return Verdict(strays, f"{names} rejected, too far from the last pose")
         first, cold = keep, keep.copy()
-        cold[frames.MEMORY] = min(cold[frames.MEMORY], frames.LOST)
+        bcd.forget(cold)
         was_fitted = keep[frames.MEMORY] == frames.FITTED
         # perhaps the pose before is in the wrong basin: from the mean pose as well, with all
         # joints, as leaving some out could explain that away
@@ -243,7 +243,7 @@ class Gate:
             patient = self._doubt_ns is None or time_ns - self._doubt_ns < self._patience_ns
             if patient and not (usual and not was_fitted):
                 self._doubt_ns = time_ns if self._doubt_ns is None else self._doubt_ns
-                keep[frames.MEMORY] = min(keep[frames.MEMORY], frames.LOST)
+                bcd.forget(keep)
                 _reject(results, t)
                 w[:] = 0.0
                 return Verdict(NONE, f"rejected: {why}")
@@ -295,4 +295,4 @@ def _forget_after(results: bcd.Results, last: int, before: Array, keep: Array) -
         keep[frames.KEEP_ROOT : frames.MEMORY] = row[frames.OUT_ROOT : frames.OUT_QUATERNION]
         keep[frames.MEMORY] = frames.FITTED
     if last >= 0 and (not fitted.size or fitted[-1] < last):
-        keep[frames.MEMORY] = min(keep[frames.MEMORY], frames.LOST)
+        bcd.forget(keep)

@@ -89,8 +89,9 @@ class Track:
         status: (T,) of "fitted", "predicted", "lost".
         reason: (T,) why, for every frame that is not plainly fitted; else "".
         rejected: (T, 21) joints that were seen, but are outliers and were not used.
-        restart: (T,) frames where the hand was found anew, far from where it was or in another
-            pose: what was before says nothing of them.
+        restart: (T,) frames where the hand was found anew, after it was gone for longer than a
+            filter goes on, far from where it was, or in another pose: what was before says
+            nothing of them.
         model: the hand that was fitted.
         settings: what made the track: plain JSON values by name.
         version: version of handtrack that made it.

@@ -124,6 +124,7 @@ class Tracker:
         )
         self._gate = Gate(self._program, model, min_joints, coast_s) if gate else None
         self._filter = make_filter(steady, model, coast_s)
+        self._coast_ns = int(coast_s * 1e9)
         self._waits = filter in ("fixed-lag", "rts")
         self._waiting: deque[tuple[int, Array, Array, bcd.Results, int, Verdict]] = deque()
         self.reset()
@@ -137,6 +138,7 @@ class Tracker:
         self._waiting.clear()
         self._keep = bcd.start_at(self.model)
         self._time_ns: int | None = None
+        self._fitted_ns: int | None = None
 
     def step(
         self, joints: ArrayLike, time_ns: int, confidence: ArrayLike | None = None
@@ -193,6 +195,13 @@ class Tracker:
                 f"time does not increase: the last frame was at {self._time_ns * 1e-9:.6f} s,"
                 f" this one is at {times_ns[0] * 1e-9:.6f} s"
             )
+        for t in range(1, len(times_ns)):
+            if times_ns[t] - times_ns[t - 1] > self._coast_ns:
+                before = self._advance(times_ns[:t], observed[:t], w[:t])
+                return before + self._advance(times_ns[t:], observed[t:], w[t:])
+        if self._time_ns is not None and times_ns[0] - self._time_ns > self._coast_ns:
+            # as after frames that were lost: the last pose is one start of two
+            bcd.forget(self._keep)
         results = bcd.Results(len(times_ns), full=False)
         model, least = self.model, self.settings["min_joints"]
         given, verdicts = w, [PLAIN] * len(times_ns)
@@ -242,6 +251,13 @@ class Tracker:
         elif row.state not in (lanes.CONVERGED, REJECTED):
             reason = bcd.STATUS[row.state]
         reason = "; ".join(filter(None, (verdict.reason, reason)))
+        restart = verdict.restart
+        if fitted:
+            gone_ns = 0 if self._fitted_ns is None else time_ns - self._fitted_ns
+            if gone_ns > self._coast_ns:
+                restart, found = True, f"found again after {1e-9 * gone_ns:.2f} s"
+                reason = "; ".join(filter(None, (found, reason)))
+            self._fitted_ns = time_ns
         steady = results.rows[t] if filtered is None else filtered
         angles, quaternion, translation, joints = bcd.pose_of(steady)
         return TrackedFrame(
@@ -262,7 +278,7 @@ class Tracker:
             status="fitted" if fitted else "predicted" if known else "lost",
             reason=reason,
             rejected=verdict.rejected,
-            restart=verdict.restart,
+            restart=restart,
         )
 
 

@@ -243,8 +243,9 @@ def test_every_event_is_in_the_track(sample):
     assert texts[5].startswith("fitted: found anew")
 
 
+@pytest.mark.parametrize("filter", ["none", "kalman", "rts"])
 @pytest.mark.parametrize("noise_mm", [2.0, 5.0])
-def test_faults_cost_little(noise_mm, sample):
+def test_faults_cost_little(noise_mm, filter, sample):
     """10 % of the joints missing, 2 % jumping 0.2 m, three gaps: at most 1.25 times the error."""
     from dataclasses import replace
 
@@ -252,7 +253,7 @@ def test_faults_cost_little(noise_mm, sample):
     for kind in ("none", "all"):
         faults = replace(KINDS[kind], noise_mm=noise_mm)
         joints = disturbed(sample.truth, faults, np.random.default_rng(5))
-        track = ht.track(ht.Sequence(sample.time_ns, joints))
+        track = ht.track(ht.Sequence(sample.time_ns, joints), filter=filter)
         error[kind] = np.nanmean(distance_mm(track.filtered_joints, sample.truth))
         explained = (track.status == "fitted") | (track.reason != "")
         assert explained.all()
@@ -270,11 +271,14 @@ def test_the_outliers_found_are_those_that_were_made(sample):
     assert (track.rejected & jumped).sum() > 0.98 * jumped.sum()
 
 
-def test_real_jumps(shared_data):
+@pytest.mark.parametrize("filter", ["none", "kalman"])
+def test_real_jumps(filter, shared_data):
     """No jump of the hand above 5 cm between frames that both are fitted, and reasons for all."""
     for sequence in ht.repair_identity(ht.load(shared_data / "ego_mcap", hand="swap")):
-        track = ht.track(sequence)
-        assert np.nanmax(np.linalg.norm(np.diff(track.translation_raw, axis=0), axis=1)) < 0.05
+        track = ht.track(sequence, filter=filter)
+        both = (track.status[1:] == "fitted") & (track.status[:-1] == "fitted")
+        for shift in (track.translation_raw, track.translation):
+            assert np.linalg.norm(np.diff(shift, axis=0), axis=1)[both].max() < 0.05
         assert ((track.status == "fitted") | (track.reason != "")).all()
         used = sequence.present.any(1)
         assert (track.status[used] == "fitted").mean() > 0.9

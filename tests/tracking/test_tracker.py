@@ -112,7 +112,14 @@ def test_two_runs_are_one(long):
 def test_statuses_without_a_filter(tracked, long):
     enough = (long.present & (long.confidence > 0)).sum(1) >= MIN_JOINTS
     same(tracked.status, np.where(enough, "fitted", "lost"))
-    assert (tracked.reason[enough] == "").all()
+    fitted = np.flatnonzero(enough)
+    gone = np.diff(long.time_ns[fitted]) * 1e-9
+    again = {int(t): dt for t, dt in zip(fitted[1:], gone, strict=True) if dt > COAST_S}
+    assert {GAPS[2].stop, GAPS[3].stop} < set(again)
+    assert np.flatnonzero(tracked.restart).tolist() == list(again)
+    for t, dt in again.items():
+        assert tracked.reason[t] == f"found again after {dt:.2f} s"
+    assert (tracked.reason[enough & ~tracked.restart] == "").all()
     assert tracked.reason[100] == "0 of 21 joints observed, 6 needed"
     assert tracked.reason[400].endswith("of 21 joints observed, 6 needed")
     lost = tracked.status == "lost"
@@ -383,7 +390,7 @@ def test_events_tell_of_every_change(tracked, long):
     ]
     assert [(e.time_ns, e.text.partition(":")[0]) for e in tracked.events] == changes
     for event in tracked.events:
-        assert event.level == ("info" if event.text == "fitted" else "warning")
+        assert event.level == ("info" if event.text.startswith("fitted") else "warning")
         assert "\n" not in event.text
     assert tracked.events[0].text == "lost: 0 of 21 joints observed, 6 needed"
 
@@ -464,3 +471,19 @@ def test_quaternions_are_the_rotations(sample):
         np.testing.assert_allclose(quaternion_to_matrix(frame.quaternion), turn, atol=1e-5)
         assert frame.quaternion[0] >= 0
         assert np.linalg.norm(frame.quaternion) == pytest.approx(1, abs=1e-15)
+
+
+@pytest.mark.parametrize("filter", FILTERS + WAITING)
+def test_after_an_hour_it_starts_anew(filter, sample):
+    """No frame in between says that the hand was lost; the stamps do."""
+    time_ns = sample.time_ns.copy()
+    time_ns[150:] += 3600 * 10**9
+    turn = about_axis(np.array([0.6, 0.8, 0.0]), np.array(2.5))
+    joints = sample.truth.copy()
+    joints[150:] = joints[150:] @ turn.T + [5.0, 0.0, 0.0]
+    track = ht.track(ht.Sequence(time_ns, joints), filter=filter)
+    assert (track.status == "fitted").all()
+    assert np.flatnonzero(track.restart).tolist() == [150]
+    assert [e.text for e in track.events] == ["fitted", "found again after 3600.03 s"]
+    off = np.linalg.norm(track.filtered_joints - joints, axis=-1)
+    assert off[150:].max() < off[:150].max() + 0.02
