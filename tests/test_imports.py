@@ -27,7 +27,7 @@ ALLOWED = {
     "tracking": {"", "errors", "hand.skeleton", "hand", "sequences.sequence", "fitting"},
     "recording": {"", "errors", "hand.skeleton", "hand", "tracking"},
     "video": {
-        *("errors", "hand.skeleton", "hand", "sequences.sequence"),
+        *("errors", "hand.skeleton", "hand", "sequences", "sequences.sequence"),
         *("cameras", "fitting", "tracking", "recording"),
     },
     "evaluation": {"", "errors", "hand.skeleton", "hand", "sequences.sequence", "tracking"},

@@ -17,7 +17,7 @@ from handtrack import __version__
 from handtrack.errors import HandtrackError, InputError, ModelError, SettingsError
 
 COMMANDS = (
-    *("detect", "track", "replay", "stability", "export"),
+    *("detect", "track", "live", "replay", "stability", "export"),
     *("info", "retrack", "diff", "recover"),
 )
 """In the order of the help."""

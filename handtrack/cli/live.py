@@ -1,100 +1,173 @@
-"""What `track --live` shows."""
+"""handtrack live."""
 
 from __future__ import annotations
 
-import os
-import time
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeVar
+import json
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from handtrack.errors import SettingsError
+from handtrack.cli.live_view import connect_option
+from handtrack.cli.models import Models, model_options, take_models
+from handtrack.cli.options import (
+    json_option,
+    quiet_option,
+    recording_options,
+    take_recording,
+    take_tracking,
+    tracking_options,
+)
+from handtrack.cli.outputs import check_target
+from handtrack.cli.progress import compiling_said
+from handtrack.errors import HandtrackError, SettingsError
 
 if TYPE_CHECKING:
-    from handtrack import Sequence, Track
-
-_Command = TypeVar("_Command", bound=Callable[..., Any])
-connect_option = click.option(
-    "--connect",
-    metavar="[HOST:PORT]",
-    is_flag=False,
-    flag_value="",
-    help="Send to a viewer that runs already, by default on this machine.",
-)
+    from handtrack.hand.skeleton import Hand
+    from handtrack.tracking.tracker import Tracker
+    from handtrack.video.live import LiveFrame
+    from handtrack.video.live_frames import Newest
 
 
-def live_options(command: _Command) -> _Command:
-    """Give a command the options that `live_view` takes."""
-    command = connect_option(command)
-    return click.option("--live", is_flag=True, help="Show the hand while it is tracked.")(command)
+@click.command(short_help="Track a camera, or joints that arrive, as it happens.")
+@click.option("--camera", type=click.IntRange(0), metavar="NUMBER", help="A camera here: 0, 1, ...")
+@click.option("--video", type=click.Path(path_type=Path), help="A video, in its own time.")
+@click.option("--stdin", is_flag=True, help="JSON lines of joints on standard input.")
+@click.option("--udp", metavar="[HOST:]PORT", help="The same in datagrams; here only by default.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="MCAP file to record.")
+@click.option("--no-view", is_flag=True, help="Open no viewer.")
+@connect_option
+@click.option("--hand", type=click.Choice(["left", "right"]), help="Only this hand.")
+@click.option("--unit", type=click.Choice(["m", "cm", "mm"]), help="Unit of the joints.")
+@click.option("--order", metavar="NAME", help="Joint order, where the joints do not say.")
+@click.option("--model", type=click.Path(path_type=Path), help="A hand_landmarker.task.")
+@model_options
+@tracking_options
+@recording_options
+@json_option
+@quiet_option
+def live(
+    camera: int | None,
+    video: Path | None,
+    stdin: bool,
+    udp: str | None,
+    output: Path | None,
+    no_view: bool,
+    connect: str | None,
+    hand: Hand | None,
+    unit: str | None,
+    order: str | None,
+    model: Path | None,
+    as_json: bool,
+    quiet: bool,
+    **options: Any,
+) -> None:
+    """Detect, track, show and record at once, until the source ends or Ctrl-C.
 
-
-class Live:
-    """Shows nothing.
-
-    Attributes:
-        seconds: time spent with showing [s].
+    Frames that come faster than they can be tracked are dropped, the oldest first, and counted.
+    A JSON line is an object as `handtrack track` reads them from .jsonl files: joints_m (21 x
+    3), hand, time_ns; without a time it is stamped with when it comes.
     """
+    sources = [camera is not None, video is not None, stdin, udp is not None]
+    if sum(sources) != 1:
+        raise SettingsError("choose one source: --camera, --video, --stdin or --udp")
+    if output is None:
+        output = Path("recordings") / "live.mcap"
+    check_target(output, ".mcap", "-o")
+    settings, recording = take_tracking(options), take_recording(options)
+    if settings["filter"] == "rts":
+        raise SettingsError("--filter rts needs the whole sequence: choose kalman or fixed-lag")
+    settings.pop("calibrate")
+    models = take_models(options, settings.pop("limits"))
+    from handtrack.recording.live import LiveViewer
+    from handtrack.video.live import LiveCount, RecorderSink, ViewerSink, run_live
 
-    seconds = 0.0
-
-    def parts(self, sequence: Sequence, record: Callable[[Track], None]) -> Callable[[Track], None]:
-        """What gets the parts of a sequence's track: they are recorded, and shown."""
-        return record
-
-    def wait(self, quiet: bool) -> None:
-        """Until the viewer is closed."""
-
-
-class _Viewer(Live):
-    """Shows what is tracked in a viewer, until the command ends."""
-
-    def __init__(self, connect: str | None, sequences: list[Sequence], mesh: bool) -> None:
-        from handtrack.recording.eye import Seen
-        from handtrack.recording.live import LiveViewer
-        from handtrack.recording.topics import hand_topics
-
-        # of a viewer that was closed rerun would complain line by line
-        os.environ.setdefault("RUST_LOG", "off")
-        names = hand_topics((s.name, s.hand) for s in sequences)
-        self._names = dict(zip(map(id, sequences), names, strict=True))
-        self._own = connect is None
-        seen = [Seen(s.hand, s.joints) for s in sequences]
-        viewer = LiveViewer(connect, mesh=mesh, seen=seen)
-        self._viewer: Any = click.get_current_context().with_resource(viewer)
-
-    def parts(self, sequence: Sequence, record: Callable[[Track], None]) -> Callable[[Track], None]:
-        name = self._names[id(sequence)]
-
-        def both(part: Track) -> None:
-            record(part)
-            start = time.perf_counter()
-            self._viewer.add(part, name)
-            self.seconds += time.perf_counter() - start
-
-        return both
-
-    def wait(self, quiet: bool) -> None:
-        if self._own and self._viewer.open and not quiet:
-            click.echo("the viewer stays until its window is closed; Ctrl-C ends it", err=True)
-        self._viewer.wait()
+    with ExitStack() as stack:
+        with compiling_said(quiet or as_json):
+            _warm_up(settings)
+        queue, frames, source = _source(
+            camera, video, udp, (hand, unit, order, model), quiet, stack
+        )
+        output.parent.mkdir(parents=True, exist_ok=True)
+        sinks: list[Any] = [stack.enter_context(RecorderSink(output, source, recording))]
+        if not no_view:
+            viewer = stack.enter_context(LiveViewer(connect, mesh=recording["mesh"] != "none"))
+            sinks.append(ViewerSink(viewer))
+        count: LiveCount = run_live(
+            (_only(frame, hand) for frame in frames),
+            lambda side, size: _tracker(models, side, size, settings),
+            sinks,
+            dropped=lambda: queue.dropped,
+        )
+        queue.end()
+    if as_json:
+        click.echo(json.dumps(count.to_dict() | {"output": str(output)}))
+    elif not quiet:
+        click.echo(f"{count.sentence} -> {output}")
+    if not any(count.seen.values()):
+        raise HandtrackError(f"no hand was seen in {count.frames:,} frames")
 
 
-def live_view(live: bool, connect: str | None, sequences: list[Sequence], mesh: bool) -> Live:
-    """What shows the hands that are tracked.
+def _warm_up(settings: dict[str, Any]) -> None:
+    from handtrack.fitting.bcd import warm_up
+    from handtrack.tracking import filters
 
-    Args:
-        live, connect: the values of `live_options`.
-        sequences: all that will be tracked.
-        mesh: show the skin.
+    warm_up()
+    steady = ("filter", "lag", "process_noise", "couple")
+    filters.warm_up(filters.FilterSettings(*(settings[name] for name in steady)))
 
-    Raises:
-        SettingsError: `connect` is no address, or given without `live`.
-        HandtrackError: there is no viewer, or none can be opened.
-    """
-    if not live:
-        if connect is not None:
-            raise SettingsError("--connect belongs to --live")
-        return Live()
-    return _Viewer(connect, sequences, mesh)
+
+def _source(
+    camera: int | None,
+    video: Path | None,
+    udp: str | None,
+    said: tuple[Hand | None, str | None, str | None, Path | None],
+    quiet: bool,
+    stack: ExitStack,
+) -> tuple[Newest[Any], Iterator[LiveFrame], str]:
+    """Where frames wait, the hands in them, and what that is."""
+    from handtrack.video import live_frames
+    from handtrack.video.live import from_lines, from_pictures
+
+    hand, unit, order, model = said
+    if camera is not None or video is not None:
+        from handtrack.video.detector import MediaPipeDetector
+
+        detector = MediaPipeDetector(model)
+        stack.callback(detector.close)
+        if video is not None:
+            pictures = live_frames.file_in_real_time(video)
+        else:
+            pictures = live_frames.camera(camera or 0)
+        name = f"camera {camera}" if video is None else str(video)
+        return pictures, from_pictures(pictures, detector), name
+    from handtrack.sequences.assemble import check_settings
+
+    given = check_settings(unit, order, None)
+    if udp is None:
+        lines = live_frames.lines()
+        return lines, from_lines(lines, "standard input", given, hand), "standard input"
+    lines, (host, port) = live_frames.datagrams(udp)
+    if not quiet:
+        click.echo(f"listening on {host}:{port}, Ctrl-C ends", err=True)
+    name = f"{host}:{port}"
+    return lines, from_lines(lines, name, given, hand), name
+
+
+def _only(frame: LiveFrame, hand: Hand | None) -> LiveFrame:
+    if hand is None:
+        return frame
+    joints = {side: x for side, x in frame.joints.items() if side == hand}
+    return replace(frame, joints=joints)
+
+
+def _tracker(models: Models, hand: Hand, size: float, settings: dict[str, Any]) -> Tracker:
+    from handtrack import HandModel, Tracker
+
+    model = models.of(hand)
+    # as large as the hand that is seen
+    ratio = size * HandModel.default(hand).size / model.size
+    return Tracker(model.scaled(ratio), **settings)

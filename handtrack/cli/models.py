@@ -67,6 +67,10 @@ class Models:
         self._limits, self._mano, self._tips, self._gltf = limits, mano, mano_tips, gltf
         self._made: dict[Hand, HandModel] = {}
 
+    def keep(self, model: HandModel) -> None:
+        """Have this model for its hand."""
+        self._made[model.hand] = model
+
     def of(self, hand: Hand, shape: Array | None = None) -> HandModel:
         """The model of a hand, read once.
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from handtrack.cli.inputs import recordings
-from handtrack.cli.live import connect_option
+from handtrack.cli.live_view import connect_option
 from handtrack.cli.options import part_options, quiet_option
 from handtrack.cli.outputs import check_target
 from handtrack.errors import SettingsError

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handtrack.cli.inputs import Reading, reading_options
-from handtrack.cli.live import live_options, live_view
+from handtrack.cli.live_view import live_options, live_view
 from handtrack.cli.models import model_options, take_models
 from handtrack.cli.options import (
     json_option,
@@ -20,18 +20,23 @@ from handtrack.cli.options import (
     take_tracking,
     tracking_options,
 )
-from handtrack.cli.outputs import Stretches, check_target, jobs, recorder
+from handtrack.cli.outputs import Stretches, jobs, recorder
+from handtrack.cli.pictures import (
+    check_overlay,
+    detected,
+    for_viewer,
+    from_cameras,
+    picture_options,
+)
 from handtrack.cli.progress import compiling_said, progress_shown
 from handtrack.errors import HandtrackError, SettingsError
 
 if TYPE_CHECKING:
     from handtrack import Track
-    from handtrack.recording.picture_log import PictureView
-    from handtrack.video.detections import Detections
 
 
 @click.command(short_help="Fit a hand to joint sequences and record it.")
-@click.argument("input", type=click.Path(path_type=Path))
+@click.argument("inputs", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="MCAP file, or a folder.")
 @click.option("--rrd", type=click.Path(path_type=Path), help="Rerun file, or a folder, as well.")
 @model_options
@@ -39,22 +44,19 @@ if TYPE_CHECKING:
 @click.option(
     "--no-repair", is_flag=True, help="Leave hands exchanged that were exchanged for a moment."
 )
-@click.option(
-    "--overlay",
-    type=click.Path(path_type=Path),
-    help="Of a video or images: the hand drawn over them, .mp4 or .png (the first picture).",
-)
+@picture_options
 @recording_options
 @live_options
 @json_option
 @quiet_option
 @reading_options
 def track(
-    input: Path,
+    inputs: tuple[Path, ...],
     output: Path | None,
     rrd: Path | None,
     no_repair: bool,
     overlay: Path | None,
+    camera: Path | None,
     live: bool,
     connect: str | None,
     as_json: bool,
@@ -63,7 +65,7 @@ def track(
 ) -> None:
     """Fit a hand to every frame of a joint sequence and record the result.
 
-    INPUT is a file or a folder: CMU Panoptic, .npz / .npy / .csv / .json / .jsonl, FPHA, Leap
+    INPUTS is a file or a folder: CMU Panoptic, .npz / .npy / .csv / .json / .jsonl, FPHA, Leap
     Motion, MCAP; a video, an image or a folder of images. Without -o the recording is
     recordings/NAME.mcap; of a folder with several unrelated files each gets its own,
     recordings/FOLDER/NAME.mcap. With -o FILE.mcap they share one.
@@ -74,10 +76,20 @@ def track(
     mano = {name: options[name] for name in ("mano", "mano_tips")}
     models = take_models(options, settings.pop("limits"))
     reading = Reading(**options, **mano)
-    found = reading.detect(input, quiet or as_json)
+    input = inputs[0]
+    if camera is not None:
+        with compiling_said(quiet or as_json):
+            sequences, pictures, noise = from_cameras(
+                camera, inputs, reading, models, settings["calibrate"], quiet or as_json
+            )
+        settings |= {"calibrate": False, "noise_mm": noise}
+    elif len(inputs) > 1:
+        raise SettingsError("several inputs are views of one scene: they need --camera")
+    else:
+        found, pictures = detected(input, reading, output, recording, quiet or as_json)
+        sequences = reading.load(input, quiet, found)
     if overlay is not None:
-        _check_overlay(overlay, input, found)
-    sequences = reading.load(input, quiet, found)
+        check_overlay(overlay, pictures, input)
     repairs: list[str] = []
     if not no_repair:
         sequences = ht.repair_identity(sequences)
@@ -130,17 +142,17 @@ def track(
                 if job.rrd is not None:
                     progress.says(f"writing {job.rrd}")
                     job.rrd.parent.mkdir(parents=True, exist_ok=True)
-                    shown = _pictures(made, found)
+                    shown = for_viewer(made, pictures)
                     mesh = recording["mesh"] != "none"
                     ht.log_rerun(made, save=job.rrd, mesh=mesh, pictures=shown)
                     progress.says("tracking")
                 tracks += made
                 written += job.files
-        if overlay is not None and found is not None:
+        if overlay is not None:
             from handtrack.video.overlay import overlay as draw
 
             progress.says(f"drawing {overlay}")
-            draw(overlay, input, tracks, found)
+            draw(overlay, pictures, tracks)
             written.append(overlay)
     for note in left_out if not quiet else ():
         click.echo(f"warning: {note}", err=True)
@@ -168,15 +180,6 @@ def track(
     show.wait(silent)
 
 
-def _check_overlay(path: Path, source: Path, found: Detections | None) -> None:
-    """Refuse a picture of the result that cannot be made, before the work begins."""
-    if found is None:
-        raise SettingsError(f"--overlay: {source} is neither a video nor an image")
-    if path.suffix not in (".mp4", ".png"):
-        raise SettingsError(f"--overlay {path}: expected a name that ends in .mp4 or .png")
-    check_target(path, path.suffix, "--overlay")
-
-
 def _check_fitted(track: Track) -> None:
     """Refuse a track of which nothing is there.
 
@@ -185,12 +188,3 @@ def _check_fitted(track: Track) -> None:
     """
     if (track.status == "lost").all():
         raise HandtrackError(f"{track.source}: no frame could be fitted: {track.reason[0]}")
-
-
-def _pictures(tracks: list[Track], found: Detections | None) -> list[PictureView]:
-    """What the viewer shows of a video beside its hands."""
-    if found is None:
-        return []
-    from handtrack.video.viewer_pictures import picture_view
-
-    return [picture_view(Path(found.source), tracks, found)]

@@ -20,6 +20,9 @@ from handtrack.video.model_file import find
 
 Array = NDArray[np.float64]
 
+# MediaPipe's threads print things on stderr, the first time that they do them
+_NOISY_CALLS = 8
+
 
 @dataclass(frozen=True, eq=False)
 class Detection:
@@ -103,7 +106,7 @@ class MediaPipeDetector:
                 raise HandtrackError(f"MediaPipe cannot start: {_line(error)}{log()}") from None
         self._still = still
         self._time_ms = -1
-        self._fresh = True
+        self._noisy = _NOISY_CALLS
 
     def detect(self, rgb: NDArray[np.uint8], time_ns: int) -> list[Detection]:
         """As `Detector.detect`.
@@ -113,10 +116,10 @@ class MediaPipeDetector:
         """
         image = self._image(image_format=self._format, data=np.ascontiguousarray(rgb))
         try:
-            if self._fresh:
+            if self._noisy:
+                self._noisy -= 1
                 with _native_log():
                     found = self._run(image, time_ns)
-                self._fresh = False
             else:
                 found = self._run(image, time_ns)
         except (RuntimeError, ValueError) as error:

@@ -24,6 +24,8 @@ from handtrack.video.optional import opencv
 _Item = TypeVar("_Item")
 
 LOOPBACK = "127.0.0.1"
+WAITING = 3
+"""Pictures that wait for a slow moment to pass, before the oldest is dropped."""
 MAX_DATAGRAM = 65_536
 _POLL_S = 0.2
 
@@ -107,7 +109,7 @@ def file_in_real_time(path: Path) -> Newest[Picture]:
             if queue.ended:
                 return
 
-    return in_background(fill)
+    return in_background(fill, WAITING)
 
 
 def camera(index: int) -> Newest[Picture]:
@@ -135,7 +137,7 @@ def camera(index: int) -> Newest[Picture]:
         finally:
             device.release()
 
-    return in_background(fill)
+    return in_background(fill, WAITING)
 
 
 def lines(stream: IO[bytes] | None = None, size: int = 8) -> Newest[bytes]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,10 +15,9 @@ from handtrack.errors import HandtrackError, SettingsError
 from handtrack.hand.skeleton import BONES
 from handtrack.recording.whole_file import whole_file
 from handtrack.tracking.track import Track
-from handtrack.video.detections import Detections
-from handtrack.video.media import Picture, pictures
+from handtrack.video.media import pictures
 from handtrack.video.optional import opencv
-from handtrack.video.placing import assumed_camera, place_in_view, seen_of
+from handtrack.video.seen import Seen
 
 Array = NDArray[np.float64]
 Rgb = NDArray[np.uint8]
@@ -96,69 +95,58 @@ def _triangles(camera: Camera, hand: Drawn) -> Iterator[tuple[float, Array, tupl
 
 def overlay(
     path: Path,
-    source: Path,
-    tracks: list[Track],
-    found: Detections,
-    camera: Camera | None = None,
+    cameras: Sequence[Seen],
+    tracks: Sequence[Track],
     progress: Callable[[int], None] | None = None,
 ) -> None:
-    """Draw the hands that were tracked in a source's pictures over these pictures.
+    """Draw hands over the pictures that they were tracked in; of several cameras side by side.
 
     Args:
         path: .mp4, or .png for the first picture.
-        source: the video, image or folder of images.
-        tracks: made of what was found in it.
-        found: that.
-        camera: that took them; by default one as assumed by `placing.assumed_camera`.
-        progress: called with the number of pictures done.
-
-    Raises:
-        As `write_overlay`.
-    """
-    camera = camera or assumed_camera(found.size)
-    by_frame: dict[int, list[Drawn]] = {}
-    for track in tracks:
-        image = seen_of(track, found)
-        angles, rotation, translation = place_in_view(track, image, camera)
-        joints = track.model.joints(angles, rotation, translation)
-        for t in np.flatnonzero(np.isfinite(translation[:, 0])):
-            skin = track.model.vertices(angles[t], rotation[t], translation[t])
-            drawn = Drawn(track.hand, skin, track.model.faces, joints[t], image[t])
-            by_frame.setdefault(int(track.frame_index[t]), []).append(drawn)
-
-    def draw_on(picture: Picture) -> Rgb:
-        return draw(picture.rgb, camera, by_frame.get(picture.index, []))
-
-    write_overlay(path, source, draw_on, progress)
-
-
-def write_overlay(
-    path: Path,
-    source: Path,
-    draw_on: Callable[[Picture], Rgb],
-    progress: Callable[[int], None] | None = None,
-) -> None:
-    """Write the pictures of a source, drawn on, as a video (.mp4) or an image (.png).
-
-    Args:
-        path: what to write; .png takes the first picture.
-        source: a video, an image or a folder of images.
-        draw_on: gives the picture to write.
+        cameras: their pictures.
+        tracks: the hands.
         progress: called with the number of pictures done.
 
     Raises:
         SettingsError: another ending.
         HandtrackError: it cannot be written.
     """
-    if path.suffix == ".png":
-        first = next(pictures(source))
-        with whole_file(path) as part:
-            _write_png(part, draw_on(first))
-        return
-    if path.suffix != ".mp4":
+    if path.suffix not in (".mp4", ".png"):
         raise SettingsError(f"{path}: expected a name that ends in .mp4 or .png")
+    hands = [_hands(camera, tracks) for camera in cameras]
+
+    def drawn() -> Iterator[tuple[int, Rgb]]:
+        for row in zip(*(pictures(camera.source) for camera in cameras), strict=False):
+            done = [
+                draw(picture.rgb, camera.camera, of_camera.get(picture.index, []))
+                for picture, camera, of_camera in zip(row, cameras, hands, strict=True)
+            ]
+            yield row[0].time_ns, _side_by_side(done)
+
     with whole_file(path) as part:
-        _write_mp4(part, source, draw_on, progress)
+        if path.suffix == ".png":
+            _write_png(part, next(drawn())[1])
+        else:
+            _write_mp4(part, drawn(), progress)
+
+
+def _hands(camera: Seen, tracks: Sequence[Track]) -> dict[int, list[Drawn]]:
+    """What is to be drawn, by the number of the picture."""
+    out: dict[int, list[Drawn]] = {}
+    for track in tracks:
+        angles, rotation, translation, image = camera.place(track)
+        joints = track.model.joints(angles, rotation, translation)
+        for t in np.flatnonzero(np.isfinite(translation[:, 0])):
+            skin = track.model.vertices(angles[t], rotation[t], translation[t])
+            hand = Drawn(track.hand, skin, track.model.faces, joints[t], image[t])
+            out.setdefault(int(track.frame_index[t]), []).append(hand)
+    return out
+
+
+def _side_by_side(rgbs: list[Rgb]) -> Rgb:
+    """Pictures in a row, cut to the height of the lowest."""
+    height = min(len(rgb) for rgb in rgbs)
+    return np.concatenate([rgb[:height] for rgb in rgbs], axis=1)
 
 
 def _write_png(path: Path, rgb: Rgb) -> None:
@@ -171,17 +159,16 @@ def _write_png(path: Path, rgb: Rgb) -> None:
 
 def _write_mp4(
     path: Path,
-    source: Path,
-    draw_on: Callable[[Picture], Rgb],
+    drawn: Iterator[tuple[int, Rgb]],
     progress: Callable[[int], None] | None,
 ) -> None:
+    """Times [ns] and pictures into a video."""
     import av
 
     base = Fraction(1, 90_000)
     with av.open(str(path), "w", format="mp4") as container:
         stream: Any = None
-        for n, picture in enumerate(pictures(source), 1):
-            rgb = draw_on(picture)
+        for n, (time_ns, rgb) in enumerate(drawn, 1):
             if stream is None:
                 stream = container.add_stream("h264", rate=90_000)
                 # its colours come in blocks of two by two
@@ -190,7 +177,7 @@ def _write_mp4(
                 stream.codec_context.time_base = base
             rgb = np.ascontiguousarray(rgb[: stream.height, : stream.width])
             frame = av.VideoFrame.from_ndarray(rgb, format="rgb24")
-            frame.pts, frame.time_base = round(picture.time_ns * 9e-5), base
+            frame.pts, frame.time_base = round(time_ns * 9e-5), base
             container.mux(stream.encode(frame))
             if progress is not None:
                 progress(n)

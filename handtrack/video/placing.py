@@ -8,9 +8,7 @@ from numpy.typing import NDArray
 from handtrack.cameras.camera import Camera
 from handtrack.fitting.images import NOISE_PX, SPREAD_PX, ViewResults, shift_to_rays
 from handtrack.hand.rotations import quaternion_to_matrix
-from handtrack.hand.skeleton import N_JOINTS
 from handtrack.tracking.track import Track
-from handtrack.video.detections import Detections
 
 Array = NDArray[np.float64]
 
@@ -70,14 +68,3 @@ def place_in_view(track: Track, image: Array, camera: Camera) -> tuple[Array, Ar
     )
     angles[use], roots[use] = results.angles, results.roots
     return angles, roots[:, :9].reshape(-1, 3, 3), roots[:, 9:]
-
-
-def seen_of(track: Track, found: Detections) -> Array:
-    """(T, 21, 2) what the detector saw of a track's hand, whatever it was called then."""
-    out = np.full((len(track), N_JOINTS, 2), np.nan)
-    row = {int(frame): t for t, frame in enumerate(found.frame_index)}
-    rows = np.array([row[int(frame)] for frame in track.frame_index])
-    for hand in found.hands:
-        same = (found.world[hand][rows] == track.observed).all((1, 2))
-        out[same] = found.image[hand][rows][same]
-    return out

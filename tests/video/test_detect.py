@@ -125,6 +125,9 @@ def test_a_picture_without_a_hand_fails_with_status_1(tmp_path, capfd):
     assert out.err.count("\n") == 1  # and nothing of what MediaPipe prints
     assert "no hand was found" in out.err
     assert not (tmp_path / "o.npz").exists()
+    assert run(["track", str(tmp_path / "grey.png"), "-o", str(tmp_path / "o.mcap")]) == 1
+    assert "no hand was found" in capfd.readouterr().err
+    assert ht.read_mcap(tmp_path / "o.mcap") == []  # complete, and empty
 
 
 @needs_mediapipe

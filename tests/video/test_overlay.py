@@ -17,8 +17,9 @@ from handtrack.hand.rotations import vector_to_matrix
 from handtrack.video.detections import detect
 from handtrack.video.detector import Detection
 from handtrack.video.media import pictures, read_image
-from handtrack.video.overlay import Drawn, draw, overlay, write_overlay
+from handtrack.video.overlay import Drawn, draw, overlay
 from handtrack.video.placing import assumed_camera, place_in_view
+from handtrack.video.seen import Seen
 
 SIZE = (640, 480)
 CAMERA = assumed_camera(SIZE)
@@ -104,7 +105,7 @@ def test_an_overlay_keeps_the_videos_times(made, tmp_path):
     path, found, _ = made
     (sequence,) = found.sequences()
     track = ht.track(sequence)
-    overlay(tmp_path / "out.mp4", path, [track], found)
+    overlay(tmp_path / "out.mp4", [Seen.alone(found)], [track])
     before, after = list(pictures(path)), list(pictures(tmp_path / "out.mp4"))
     assert [p.time_ns // 10**6 for p in after] == pytest.approx(
         [p.time_ns // 10**6 for p in before], abs=1
@@ -112,13 +113,17 @@ def test_an_overlay_keeps_the_videos_times(made, tmp_path):
     for a, b in zip(before, after, strict=True):
         changed = np.abs(a.rgb.astype(int) - b.rgb.astype(int)).max(-1) > 25
         assert 0.01 < changed.mean() < 0.4
-    overlay(tmp_path / "out.png", path, [track], found)
+    overlay(tmp_path / "out.png", [Seen.alone(found)], [track])
     assert read_image(tmp_path / "out.png").shape == (480, 640, 3)
     with pytest.raises(SettingsError, match=r"\.mp4 or \.png"):
-        write_overlay(tmp_path / "out.gif", path, lambda p: p.rgb)
+        overlay(tmp_path / "out.gif", [Seen.alone(found)], [track])
 
 
 def test_the_command_line_refuses_what_cannot_be_drawn(tmp_path, capsys, sample_file):
     write_image(tmp_path / "a.png", 100)
     assert run(["track", str(sample_file), "--overlay", str(tmp_path / "o.mp4")]) == 2
     assert "neither a video nor an image" in capsys.readouterr().err
+    assert run(["track", str(sample_file), str(sample_file)]) == 2
+    assert "they need --camera" in capsys.readouterr().err
+    assert run(["track", str(sample_file), "--camera", str(tmp_path / "none.toml")]) == 2
+    assert "none.toml: no such file" in capsys.readouterr().err

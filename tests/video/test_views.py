@@ -12,6 +12,7 @@ import pytest
 import handtrack as ht
 from handtrack.errors import InputError
 from handtrack.video.detections import Detections
+from handtrack.video.follow import follow
 from handtrack.video.views import views_of
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "cameras"))
@@ -103,3 +104,31 @@ def test_what_does_not_belong_together_is_refused(joints):
     ):
         with pytest.raises(InputError, match=says):
             views_of(detections, cams)
+
+
+def test_a_hand_is_followed_through_the_pictures(joints):
+    """Noise of 1 px in three views, joints that one camera sees, and a gap."""
+    cameras = rig(3)
+    found = seen(cameras, np.repeat(joints, 4, axis=0))
+    rng = np.random.default_rng(0)
+    for d in found:
+        d.image["right"][:] += rng.normal(0, 1.0, d.image["right"].shape)
+    for c in (0, 1):
+        found[c].image["right"][:, [8, 16]] = np.nan
+    for d in found:
+        d.image["right"][9] = np.nan
+    (views,) = views_of(found, cameras)
+    model = ht.HandModel.default("right")
+    out = follow(views, model)
+    truth = np.repeat(joints, 4, axis=0)
+    error = np.linalg.norm(out.sequence.joints - truth, axis=-1)
+    assert np.isnan(error[9]).all()
+    rest = np.arange(20) != 9
+    assert np.isfinite(error[rest]).all()
+    # a pixel is 0.67 mm here
+    assert error[rest].mean() < 0.67e-3
+    triangulated = np.linalg.norm(views.points - truth, axis=-1)
+    assert error[rest].mean() < np.nanmean(triangulated)
+    assert 0.7 < np.nanmedian(out.reprojection) < 1.3
+    assert 0.2 < out.noise_mm < 1.0
+    assert np.isnan(out.reprojection[:, 0, 8]).all()

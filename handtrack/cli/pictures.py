@@ -1,0 +1,151 @@
+"""What `track` reads from calibrated cameras, and what it shows and draws of pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handtrack.cli.inputs import Reading
+from handtrack.cli.models import Models
+from handtrack.cli.outputs import RECORDINGS, check_target
+from handtrack.errors import InputError, SettingsError
+
+if TYPE_CHECKING:
+    from handtrack import Sequence, Track
+    from handtrack.recording.picture_log import PictureView
+    from handtrack.video.detections import Detections
+    from handtrack.video.seen import Seen
+
+
+def picture_options(command: Any) -> Any:
+    """Give a command the options on pictures."""
+    for option in (
+        click.option(
+            "--overlay",
+            type=click.Path(path_type=Path),
+            help="Of pictures: the hand drawn over them, .mp4, or .png (the first picture).",
+        ),
+        click.option(
+            "--camera",
+            type=click.Path(path_type=Path),
+            metavar="FILE",
+            help="Calibration of the cameras that took the videos, in their order: aniposelib's"
+            " TOML, OpenCV's YAML (a folder of files), Panoptic's JSON.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def check_overlay(path: Path, pictures: list[Seen], source: Path) -> None:
+    """Refuse a picture of the result that cannot be made, before the work begins.
+
+    Raises:
+        SettingsError: there are no pictures, or the file cannot be written.
+    """
+    if not pictures:
+        raise SettingsError(f"--overlay: {source} is neither a video nor an image")
+    if path.suffix not in (".mp4", ".png"):
+        raise SettingsError(f"--overlay {path}: expected a name that ends in .mp4 or .png")
+    check_target(path, path.suffix, "--overlay")
+
+
+def from_cameras(
+    calibration: Path,
+    videos: tuple[Path, ...],
+    reading: Reading,
+    models: Models,
+    calibrate: bool,
+    quiet: bool,
+) -> tuple[list[Sequence], list[Seen], float]:
+    """Hands followed in the pictures of calibrated cameras.
+
+    Returns:
+        The hands' joints in the cameras' world; the pictures; and the joints' noise [mm] that
+        the reprojection errors show.
+
+    Raises:
+        InputError: the files do not belong together.
+    """
+    import numpy as np
+
+    import handtrack as ht
+    from handtrack.video.follow import follow
+    from handtrack.video.seen import Seen
+    from handtrack.video.views import views_of
+
+    cameras = ht.load_cameras(calibration, reading.unit)
+    if len(cameras) != len(videos):
+        names = ", ".join(c.name for c in cameras)
+        raise InputError(
+            f"{len(cameras)} cameras ({names}) for {len(videos)} videos: give them in the"
+            " order of the calibration",
+            calibration,
+        )
+    detections = []
+    for video in videos:
+        found = reading._replace(unit=None).detect(video, quiet)
+        if found is None:
+            raise InputError("neither a video nor images, as --camera expects", video)
+        detections.append(found)
+    hands, noise = views_of(detections, cameras), []
+    sequences = []
+    for views in hands:
+        if reading.hand not in ("auto", views.hand):
+            continue
+        points = views.sequence()
+        model = models.of(views.hand)
+        if calibrate:
+            model = ht.calibrate(model, points).model
+            models.keep(model)
+        followed = follow(views, model)
+        sequences.append(followed.sequence)
+        noise.append(followed.noise_mm)
+        if not quiet:
+            for note in followed.sequence.notes:
+                click.echo(f"warning: {views.name}: {note}", err=True)
+            error = float(np.nanmedian(followed.reprojection))
+            click.echo(
+                f"{views.name}: {views.hand} hand in {len(cameras)} views, reprojection error"
+                f" {error:.2f} px (median)",
+                err=True,
+            )
+    if not sequences:
+        raise InputError(f"there is no {reading.hand} hand", videos[0])
+    return sequences, Seen.together(detections, hands), max(noise)
+
+
+def for_viewer(tracks: list[Track], pictures: list[Seen]) -> list[PictureView]:
+    """What the viewer shows of the pictures beside the hands."""
+    if not pictures:
+        return []
+    from handtrack.video.viewer_pictures import picture_view
+
+    return [picture_view(camera, tracks) for camera in pictures]
+
+
+def detected(
+    source: Path, reading: Reading, output: Path | None, choices: dict[str, Any], quiet: bool
+) -> tuple[Detections | None, list[Seen]]:
+    """The hands in a video or in images, and the pictures; None where it is something else.
+
+    Pictures without a hand give a recording that is complete, and empty.
+
+    Raises:
+        NoHandError: there is no hand in any picture.
+    """
+    from handtrack.recording.recorder import McapRecorder
+    from handtrack.video.detections import NoHandError
+    from handtrack.video.seen import Seen
+
+    try:
+        found = reading.detect(source, quiet)
+    except NoHandError:
+        path = output or RECORDINGS
+        path = path if path.suffix == ".mcap" else path / f"{source.stem}.mcap"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        McapRecorder(path, hands=[(source.stem, "right")], source=str(source), **choices).close()
+        raise
+    return found, [] if found is None else [Seen.alone(found)]

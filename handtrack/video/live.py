@@ -1,0 +1,283 @@
+"""Tracking as it happens: pictures or joints come, hands are shown and recorded at once."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.errors import InputError
+from handtrack.hand.model import HandModel
+from handtrack.hand.skeleton import BONES, HANDS, N_JOINTS, Hand
+from handtrack.recording.live import LiveViewer
+from handtrack.recording.recorder import McapRecorder
+from handtrack.sequences.assemble import Given, assemble
+from handtrack.sequences.readers.json_file import read_lines
+from  import status_events
+from handtrack.tracking.tracker import TrackedFrame, Tracker, track_of_frames
+from handtrack.video.detector import Detector
+from handtrack.video.hand_tracks import HandTracks
+from handtrack.video.live_frames import Newest
+from handtrack.video.media import Picture
+
+Array = NDArray[np.float64]
+
+NAME = "live"
+RECORD_NS = 300_000_000
+"""So much time waits to be written together [ns]."""
+MIN_BONES = 5
+"""A hand's size is not taken from fewer bones."""
+
+
+@dataclass(frozen=True, eq=False)
+class LiveFrame:
+    """The hands at one moment.
+
+    Attributes:
+        time_ns: on the source's clock.
+        index: the frame's number in the source.
+        joints: (21, 3) of each hand that was seen [m], NaN = missing.
+        confidence: (21,) of each.
+        came: when it came in, by `time.monotonic` [s].
+    """
+
+    time_ns: int
+    index: int
+    joints: dict[Hand, Array]
+    confidence: dict[Hand, Array]
+    came: float
+
+
+class Sink(Protocol):
+    """Where tracked frames go: a recording, a viewer."""
+
+    def take(self, frame: TrackedFrame, tracker: Tracker, index: int) -> None:
+        """The next frame of the tracker's hand."""
+
+
+@dataclass
+class LiveCount:
+    """What came of a live session.
+
+    Attributes:
+        frames: how many were tracked.
+        dropped: how many the source had to drop.
+        seen: frames in which each hand was fitted.
+        latency_s: from each frame's coming to its being recorded and shown [s].
+    """
+
+    frames: int = 0
+    dropped: int = 0
+    seen: dict[Hand, int] = field(default_factory=dict)
+    latency_s: list[float] = field(default_factory=list)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain values; latencies in milliseconds."""
+        median, p95 = self._latency_ms
+        return {
+            "frames": self.frames,
+            "dropped": self.dropped,
+            "fitted": dict(self.seen),
+            "latency_ms": {"median": median, "p95": p95},
+        }
+
+    @property
+    def sentence(self) -> str:
+        """All of it in one line."""
+        total = self.frames + self.dropped
+        share = f" ({self.dropped / total:.1%})" if total else ""
+        hands = ", ".join(f"{hand} hand in {n:,}" for hand, n in self.seen.items()) or "no hand"
+        median, p95 = self._latency_ms
+        late = f"; latency {median:.0f} ms, p95 {p95:.0f}" if self.frames else ""
+        return f"{self.frames:,} frames, {self.dropped:,} dropped{share}: {hands}{late}"
+
+    @property
+    def _latency_ms(self) -> tuple[float, float]:
+        if not self.latency_s:
+            return 0.0, 0.0
+        median, p95 = np.percentile(self.latency_s, [50, 95])
+        return round(1e3 * float(median), 1), round(1e3 * float(p95), 1)
+
+
+def from_pictures(queue: Newest[Picture], detector: Detector) -> Iterator[LiveFrame]:
+    """The hands in pictures, as they come."""
+    tracks = HandTracks()
+    for picture in queue:
+        came = time.monotonic()
+        found = tracks.named(tracks.add(detector.detect(picture.rgb, picture.time_ns)))
+        seen = {hand: d for hand, d in found.items() if d.world is not None}
+        yield LiveFrame(
+            picture.time_ns,
+            picture.index,
+            {hand: np.asarray(d.world) for hand, d in seen.items()},
+            {hand: np.full(N_JOINTS, d.score) for hand, d in seen.items()},
+            came,
+        )
+
+
+def from_lines(
+    queue: Newest[bytes], source: str, given: Given | None = None, hand: Hand | None = None
+) -> Iterator[LiveFrame]:
+    """Joints in JSON lines, as `handtrack track` reads them from a .jsonl file.
+
+    A line without a time is stamped with when it comes.
+
+    Args:
+        queue: the lines.
+        source: named in messages.
+        given: unit and joint order, where the lines do not say.
+        hand: which hand it is, where they do not say; right by default.
+
+    Raises:
+        InputError: a line that is no frame of joints, or time that does not increase.
+    """
+    begun = time.monotonic_ns()
+    last: int | None = None
+    for n, line in enumerate(queue):
+        came = time.monotonic()
+        where = Path(f"{source}, line {n + 1}")
+        joints: dict[Hand, Array] = {}
+        confidence: dict[Hand, Array] = {}
+        time_ns = time.monotonic_ns() - begun
+        for raw in read_lines(line, where):
+            side: Hand = raw.hand or hand or "right"
+            if raw.time_ns is not None:
+                time_ns = int(raw.time_ns[0])
+            if np.isfinite(raw.joints).any():
+                sequence = assemble(raw, given or Given())
+                joints[side], confidence[side] = sequence.joints[0], sequence.confidence[0]
+        if last is not None and time_ns <= last:
+            raise InputError(
+                f"time does not increase: {time_ns * 1e-9:.6f} s after {last * 1e-9:.6f} s", where
+            )
+        last = time_ns
+        yield LiveFrame(time_ns, n, joints, confidence, came)
+
+
+def run_live(
+    frames: Iterable[LiveFrame],
+    make_tracker: Callable[[Hand, float], Tracker],
+    sinks: Iterable[Sink],
+    *,
+    dropped: Callable[[], int] = lambda: 0,
+) -> LiveCount:
+    """Track frames as they come, until they end or Ctrl-C.
+
+    A hand is tracked from when it is first seen well enough to tell its size; from then on a
+    frame in which it is missing is one of its frames, too.
+
+    Args:
+        frames: they.
+        make_tracker: makes a hand's tracker, for a hand whose bones are so many times as long
+            as the default model's.
+        sinks: where each tracked frame goes.
+        dropped: says how many frames the source dropped so far.
+    """
+    trackers: dict[Hand, Tracker] = {}
+    count = LiveCount()
+    targets = list(sinks)
+    nothing, none = np.full((N_JOINTS, 3), np.nan), np.zeros(N_JOINTS)
+    try:
+        for frame in frames:
+            for hand in HANDS:
+                joints = frame.joints.get(hand)
+                if hand not in trackers:
+                    size = None if joints is None else size_of(joints, hand)
+                    if size is None:
+                        continue
+                    trackers[hand] = make_tracker(hand, size)
+                seen = joints is not None
+                tracked = trackers[hand].step(
+                    nothing if joints is None else joints,
+                    frame.time_ns,
+                    frame.confidence[hand] if seen else none,
+                )
+                count.seen[hand] = count.seen.get(hand, 0) + (tracked.status == "fitted")
+                for sink in targets:
+                    sink.take(tracked, trackers[hand], frame.index)
+            count.frames += 1
+            count.latency_s.append(time.monotonic() - frame.came)
+    except KeyboardInterrupt:
+        # how a user says that it is enough
+        pass
+    count.dropped = dropped()
+    return count
+
+
+def size_of(joints: Array, hand: Hand) -> float | None:
+    """How many times as large a hand (21, 3) is as the default one; None if hardly seen."""
+    parent, child = np.array(BONES).T
+    lengths = np.linalg.norm(joints[child] - joints[parent], axis=1)
+    seen = np.isfinite(lengths)
+    if seen.sum() < MIN_BONES:
+        return None
+    return float(np.median(lengths[seen] / HandModel.default(hand).bone_lengths[seen]))
+
+
+class RecorderSink:
+    """Into an MCAP recording, a fraction of a second at a time; a context manager.
+
+    Both hands have their place in it from the beginning; one that never comes takes none.
+    """
+
+    def __init__(self, path: Path, source: str, choices: dict[str, Any]) -> None:
+        """Args:
+        path, choices: as of `McapRecorder`: mesh, compression, foxglove_mesh.
+        source: what is tracked.
+        """
+        self._source = source
+        self._waiting: dict[Hand, list[tuple[TrackedFrame, int]]] = {}
+        self._trackers: dict[Hand, Tracker] = {}
+        self._before: dict[Hand, TrackedFrame] = {}
+        hands = [(NAME, hand) for hand in HANDS]
+        self._recorder = McapRecorder(path, hands=hands, **choices)
+
+    def take(self, frame: TrackedFrame, tracker: Tracker, index: int) -> None:
+        hand = tracker.model.hand
+        waiting = self._waiting.setdefault(hand, [])
+        waiting.append((frame, index))
+        self._trackers[hand] = tracker
+        if frame.time_ns - waiting[0][0].time_ns >= RECORD_NS:
+            self._write(hand)
+
+    def _write(self, hand: Hand) -> None:
+        frames = [frame for frame, _ in self._waiting[hand]]
+        tracker = self._trackers[hand]
+        part = track_of_frames(
+            frames,
+            tracker.model,
+            {**tracker.settings, "limits": tracker.model.limits.name, "model": tracker.model.name},
+            name=NAME,
+            frame_index=[index for _, index in self._waiting[hand]],
+            source=self._source,
+            events=frame_events(frames, self._before.get(hand)),
+        )
+        self._before[hand] = frames[-1]
+        self._waiting[hand] = []
+        self._recorder.add(part, HANDS.index(hand))
+
+    def __enter__(self) -> RecorderSink:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *rest: Any) -> None:
+        with self._recorder:
+            for hand, waiting in self._waiting.items():
+                if waiting and not self._recorder.closed:
+                    self._write(hand)
+            if kind is not None:
+                self._recorder.stop()
+
+
+class ViewerSink:
+    """Into a `LiveViewer`."""
+
+    def __init__(self, viewer: LiveViewer) -> None:
+        self._viewer = viewer
+
+    def take(self, frame: TrackedFrame, tracker: Tracker, index: int) -> None:
+        self._viewer.step(frame, tracker)

@@ -1,0 +1,164 @@
+"""Tracking as it happens: what comes is tracked, recorded, counted; Ctrl-C leaves all whole."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import handtrack as ht
+from handtrack.cli import run
+from handtrack.errors import InputError
+from handtrack.tracking.tracker import Tracker
+from handtrack.video.live import LiveFrame, RecorderSink, from_lines, run_live, size_of
+from handtrack.video.live_frames import Newest
+
+RIGHT = ht.HandModel.default("right").scaled(0.9)
+CHOICES = {"mesh": "none", "compression": "lz4", "foxglove_mesh": False}
+
+
+def motion(n: int = 30) -> np.ndarray:
+    angles = np.tile(RIGHT.mean_angles, (n, 1))
+    angles[:, 4::4] += 0.3 * np.sin(np.arange(n) / 8)[:, None]
+    return RIGHT.joints(RIGHT.limits.clamp(angles))
+
+
+def frames(joints, missing=()):
+    for t, x in enumerate(joints):
+        seen = {} if t in missing else {"right": x}
+        yield LiveFrame(t * 33_000_000, t, seen, {h: np.ones(21) for h in seen}, 0.0)
+
+
+def tracker(hand, size):
+    return Tracker(ht.HandModel.default(hand).scaled(size))
+
+
+def test_what_comes_is_tracked_and_recorded(tmp_path):
+    joints = motion()
+    with RecorderSink(tmp_path / "live.mcap", "test", CHOICES) as record:
+        count = run_live(frames(joints, missing=(0, 7)), tracker, [record], dropped=lambda: 4)
+    (track,) = ht.read_mcap(tmp_path / "live.mcap")
+    assert (track.hand, track.source) == ("right", "test")
+    # the hand begins with the first frame that shows it
+    assert track.frame_index.tolist() == list(range(1, 30))
+    assert track.status.tolist() == ["fitted"] * 6 + ["lost"] + ["fitted"] * 22
+    plain = tracker("right", size_of(joints[1], "right"))
+    for t in (1, 2, 29):
+        # the same as frame by frame without all this
+        row = t - 1
+        if t < 7:
+            expected = plain.step(joints[t], t * 33_000_000)
+            assert np.array_equal(track.angles_raw[row], expected.angles_raw)
+        assert np.linalg.norm(track.fitted_joints[row] - joints[t], axis=1).max() < 1e-5
+    assert (count.frames, count.dropped, count.seen) == (30, 4, {"right": 28})
+    assert "30 frames, 4 dropped (11.8%): right hand in 28" in count.sentence
+    assert track.events[0].text == "fitted"
+    assert any(e.text.startswith("lost") for e in track.events)
+
+
+def test_ctrl_c_leaves_a_complete_recording(tmp_path):
+    def interrupted():
+        yield from frames(motion(12))
+        raise KeyboardInterrupt
+
+    with RecorderSink(tmp_path / "live.mcap", "test", CHOICES) as record:
+        count = run_live(interrupted(), tracker, [record])
+    assert count.frames == 12
+    assert [len(t) for t in ht.read_mcap(tmp_path / "live.mcap")] == [12]
+    assert [p.name for p in tmp_path.iterdir()] == ["live.mcap"]
+
+
+def test_a_hand_that_never_comes_gives_an_empty_recording(tmp_path):
+    with RecorderSink(tmp_path / "live.mcap", "test", CHOICES) as record:
+        count = run_live(frames(motion(3), missing=range(3)), tracker, [record])
+    assert count.seen == {}
+    assert "no hand" in count.sentence
+    assert ht.read_mcap(tmp_path / "live.mcap") == []
+
+
+def test_the_size_is_that_of_the_bones():
+    joints = RIGHT.joints(RIGHT.mean_angles)
+    assert size_of(joints, "right") == pytest.approx(0.9)
+    joints[4:] = np.nan
+    assert size_of(joints, "right") is None
+
+
+def lines(*rows) -> Newest[bytes]:
+    queue: Newest[bytes] = Newest(99)
+    for row in rows:
+        queue.put(row if isinstance(row, bytes) else json.dumps(row).encode())
+    queue.end()
+    return queue
+
+
+def test_json_lines_of_joints():
+    joints = motion(2)
+    found = list(
+        from_lines(
+            lines(
+                {"time_s": 1.5, "hand": "left", "joints_m": joints[0].tolist()},
+                {"time_s": 1.6, "joints_m": [[None] * 3, *joints[1, 1:].tolist()]},
+                {"time_s": 1.7, "hand": "left", "joints_mm": (1e3 * joints[1]).tolist()},
+            ),
+            "test",
+        )
+    )
+    assert [f.time_ns for f in found] == [1_500_000_000, 1_600_000_000, 1_700_000_000]
+    assert np.allclose(found[0].joints["left"], joints[0])
+    assert np.isnan(found[1].joints["right"][0]).all()
+    assert np.allclose(found[1].joints["right"][1:], joints[1, 1:])
+    assert np.allclose(found[2].joints["left"], joints[1])
+    stamped = list(from_lines(lines({"joints_m": joints[0].tolist()}), "test", hand="left"))
+    assert stamped[0].time_ns >= 0
+    assert list(stamped[0].joints) == ["left"]
+
+
+@pytest.mark.parametrize(
+    ("rows", "says"),
+    [
+        ([b"hello"], "test, line 1: "),
+        ([{"joints_m": [[0, 0, 1]] * 20}], "test, line 1: .*shape"),
+        (
+            [{"joints_m": [[0, 0, i] for i in range(21)], "time_s": t} for t in (2, 1)],
+            "line 2: time",
+        ),
+    ],
+)
+def test_a_line_that_is_wrong_is_named(rows, says):
+    with pytest.raises(InputError, match=says):
+        list(from_lines(lines(*rows), "test"))
+
+
+def test_the_command_tracks_standard_input(tmp_path):
+    rows = [
+        json.dumps({"time_ns": t * 33_000_000, "hand": "right", "joints_m": x.tolist()})
+        for t, x in enumerate(motion(5))
+    ]
+    arguments = ["live", "--stdin", "--no-view", "--json", "-o", str(tmp_path / "l.mcap")]
+    done = subprocess.run(
+        [sys.executable, "-m", "handtrack", *arguments],
+        input="\n".join(rows),
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    assert said["frames"] + said["dropped"] == 5
+    (track,) = ht.read_mcap(tmp_path / "l.mcap")
+    assert len(track) == said["frames"] == said["fitted"]["right"]
+
+
+def test_the_command_refuses_what_makes_no_sense(tmp_path, capsys):
+    for arguments, says in (
+        ([], "choose one source"),
+        (["--stdin", "--udp", "9"], "choose one source"),
+        (["--stdin", "--filter", "rts"], "needs the whole sequence"),
+        (["--stdin", "-o", str(tmp_path / "x.txt")], r"ends in .mcap"),
+        (["--udp", "nowhere:x", "--no-view", "-o", str(tmp_path / "x.mcap")], "HOST:PORT"),
+    ):
+        assert run(["live", *arguments]) == 2
+        assert says in capsys.readouterr().err
