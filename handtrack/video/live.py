@@ -18,8 +18,7 @@ from handtrack.recording.live import LiveViewer
 from handtrack.recording.recorder import McapRecorder
 from handtrack.sequences.assemble import Given, assemble
 from handtrack.sequences.readers.json_file import read_lines
-from  import status_events
-from handtrack.tracking.tracker import TrackedFrame, Tracker, track_of_frames
+from handtrack.tracking.tracker import TrackedFrame, Tracker, frame_events, track_of_frames
 from handtrack.video.detector import Detector
 from handtrack.video.hand_tracks import HandTracks
 from handtrack.video.live_frames import Newest
