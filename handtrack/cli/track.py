@@ -36,7 +36,9 @@ if TYPE_CHECKING:
 
 
 @click.command(short_help="Fit a hand to joint sequences and record it.")
-@click.argument("inputs", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument(
+    "inputs", nargs=-1, required=True, metavar="INPUT...", type=click.Path(path_type=Path)
+)
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="MCAP file, or a folder.")
 @click.option("--rrd", type=click.Path(path_type=Path), help="Rerun file, or a folder, as well.")
 @model_options
@@ -65,7 +67,7 @@ def track(
 ) -> None:
     """Fit a hand to every frame of a joint sequence and record the result.
 
-    INPUTS is a file or a folder: CMU Panoptic, .npz / .npy / .csv / .json / .jsonl, FPHA, Leap
+    INPUT is a file or a folder: CMU Panoptic, .npz / .npy / .csv / .json / .jsonl, FPHA, Leap
     Motion, MCAP; a video, an image or a folder of images. Without -o the recording is
     recordings/NAME.mcap; of a folder with several unrelated files each gets its own,
     recordings/FOLDER/NAME.mcap. With -o FILE.mcap they share one.
