@@ -211,13 +211,12 @@ class HandLog:
         counts = part.rejected.sum(1)
         found = np.flatnonzero((counts > 0) | np.r_[self._had_rejected, counts[:-1] > 0])
         self._had_rejected = bool(counts[-1])
-        if not found.size:
-            return
-        columns = rr.Points3D.columns(
-            positions=part.observed[found][part.rejected[found]].astype(np.float32)
-        )
-        topic = self._hand.topic
-        self._send(part, f"world/{topic}/rejected", columns.partition(counts[found]), found)
+        entity = f"world/{self._hand.topic}/rejected"
+        for some in batches(len(found), ROWS):
+            at = found[some]
+            positions = part.observed[at][part.rejected[at]].astype(np.float32)
+            columns = rr.Points3D.columns(positions=positions)
+            self._send(part, entity, columns.partition(counts[at]), at)
 
     def _marks(self, part: Track) -> None:
         """The joints that a limit holds, and those that are outside."""
@@ -248,7 +247,7 @@ class HandLog:
                 )
                 degrees = np.rad2deg(part.angles[found, of_finger])
                 values = np.where(outside[found], degrees, np.nan)
-                self._send(part, entity, _scalars(values), found)
+                self.scalars(entity, part, values, found)
 
     def _angles(self, part: Track) -> None:
         """The angles of each finger [deg], as fitted and after the filter, and their limits."""

@@ -193,6 +193,25 @@ def test_unix_time_and_many_batches(tmp_path: Path) -> None:
     assert len(skin["Mesh3D:vertex_positions"]) == len(track)
 
 
+def test_long_recordings_are_sent_in_small_pieces(
+    track: Track, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A viewer looks through whole pieces, and shows a frame the sooner the smaller they are."""
+    whole = log_rerun(track, save=tmp_path / "whole.rrd", mesh=False)
+    monkeypatch.setattr("handtrack.recording.hand_log.ROWS", 16)
+    pieces = log_rerun(track, save=tmp_path / "pieces.rrd", mesh=False)
+    assert whole is not None
+    assert pieces is not None
+    large = {c.entity_path for c in RrdReader(pieces).stream() if c.num_rows > 16}
+    assert large == set()
+    found, expected = rrd_columns(pieces), rrd_columns(whole)
+    for entity in ("/world/right/observed", "/world/right/limits", "/angles/right/thumb/raw"):
+        order = np.argsort(found[entity]["frame"])
+        for name in ("frame", "time", "Points3D:positions", "Scalars:scalars"):
+            if name in expected[entity]:
+                assert [found[entity][name][i] for i in order] == expected[entity][name]
+
+
 def test_nothing_known_and_no_frames(tmp_path: Path) -> None:
     lost = make_track(8, lost=slice(0, 8), truth=False)
     assert log_rerun(lost, save=tmp_path / "lost.rrd") is not None
