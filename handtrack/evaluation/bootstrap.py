@@ -8,6 +8,7 @@ be is read off the series (Politis and White 2004, with the correction of Patton
 from __future__ import annotations
 
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -210,6 +211,18 @@ def _moments(
     return mean + series.mean, np.sqrt(np.maximum(square - mean**2, 0.0))
 
 
+def student(p: float, free: float) -> float:
+    """Quantile of Student's t by Cornish and Fisher's expansion, 3 % low at 2 degrees of freedom.
+
+    scipy's is exact, and takes half a second to import.
+    """
+    z = NormalDist().inv_cdf(p)
+    first = (z**3 + z) / 4
+    second = (5 * z**5 + 16 * z**3 + 3 * z) / 96
+    third = (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384
+    return z + first / free + second / free**2 + third / free**3
+
+
 def _around(value: float, resampled: Array, blocks: float, least: float = -np.inf) -> Uncertain:
     """The basic interval: the resamples' quantiles mirrored about the value.
 
@@ -218,11 +231,9 @@ def _around(value: float, resampled: Array, blocks: float, least: float = -np.in
     known = resampled[~np.isnan(resampled)]
     if not known.size:
         return Uncertain(value, float("nan"), float("nan"))
-    from scipy.special import ndtri, stdtrit
-
     tail = (1 - LEVEL) / 2
     free = max(blocks - 1, 1.0)
-    wider = float(stdtrit(free, 1 - tail) / ndtri(1 - tail) * np.sqrt(blocks / free))
+    wider = student(1 - tail, free) / NormalDist().inv_cdf(1 - tail) * np.sqrt(blocks / free)
     low, high = np.quantile(known, [tail, 1 - tail])
     return Uncertain(
         value,

@@ -68,9 +68,12 @@ class Difference:
         if self.against == "observed":
             what = _EXPLAINS.get((self.measure, self.statistic), what)
         unit = _UNITS[self.measure]
+        # as many digits as the interval is worth, two at least
+        width = high - low
+        n = int(np.clip(np.ceil(1 - np.log10(width)), 2, 4)) if 0 < width < np.inf else 2
         numbers = (
-            f"{label} {less:.2f} vs {more:.2f} {unit}, difference {value:.2f}"
-            f" [{low:.2f}, {high:.2f}]"
+            f"{label} {less:.{n}f} vs {more:.{n}f} {unit}, difference {value:.{n}f}"
+            f" [{low:.{n}f}, {high:.{n}f}]"
         )
         if not np.isfinite(low):
             return f"Too few frames to tell {better} from {worse}: {numbers}"

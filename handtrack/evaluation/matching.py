@@ -42,9 +42,10 @@ def same_name(a: str, b: str) -> bool:
 def match_frames(estimate: Timed, truth: Timed, by: str = "auto") -> tuple[Indices, Indices]:
     """Which frame of the truth belongs to which frame of the estimate.
 
-    By frame number the same numbers belong together; the two must then agree on the time
-    between frames. By time each frame gets the nearest stamp within half a time step; if the
-    two clocks have nothing in common both are taken to start at 0.
+    By frame number the same numbers belong together; unless the caller insists ("frame"), the
+    two must then agree on the time between frames. By time each frame gets the nearest stamp
+    within half a time step; if the two clocks have nothing in common both are taken to start
+    at 0.
 
     Args:
         estimate, truth: the sequences.
@@ -54,15 +55,17 @@ def match_frames(estimate: Timed, truth: Timed, by: str = "auto") -> tuple[Indic
         indices into the estimate and into the truth, of one length.
 
     Raises:
-        InputError: fewer than half of the shorter sequence's frames find a partner, or frame
-            rates contradict frame numbers; the message says what does not fit.
+        InputError: fewer than half of the shorter sequence's frames find a partner; the message
+            says what does not fit.
     """
     problem = "frames were to be matched by time"
     if by in ("auto", "frame"):
         _, i, j = np.intersect1d(
             estimate.frame_index, truth.frame_index, assume_unique=False, return_indices=True
         )
-        problem = _frame_problem(estimate, truth, len(i)) or _rate_problem(estimate, truth)
+        problem = _frame_problem(estimate, truth, len(i))
+        if by == "auto":
+            problem = problem or _rate_problem(estimate, truth)
         if not problem:
             return i, j
         if by == "frame":
@@ -83,6 +86,46 @@ def match_frames(estimate: Timed, truth: Timed, by: str = "auto") -> tuple[Indic
             " in common, by frame number or by time"
         )
     return i, j
+
+
+def rate_problem(
+    estimate: Timed, truth: Timed, estimate_joints: Array, truth_joints: Array, by: str
+) -> str:
+    """What is wrong with matching so where the two have other frame rates, or "".
+
+    Where frames of the same number show the same pose although their times say that they
+    cannot, one of the rates is wrong, and a match by time compares other moments. Where they
+    do not, a match by number does.
+
+    Args:
+        estimate, truth: the frames; their joints (T, 21, 3) and (S, 21, 3) [m].
+        by: "auto" or "frame"; with "time" the caller knows.
+    """
+    wrong = _rate_problem(estimate, truth)
+    _, i, j = np.intersect1d(estimate.frame_index, truth.frame_index, return_indices=True)
+    if by == "time" or not wrong or _frame_problem(estimate, truth, len(i)):
+        return ""
+    errors = []
+    for left, right in ((i, j), _by_time(estimate.time_ns, truth.time_ns)):
+        some = np.linspace(0, len(left) - 1, min(_LOOK, len(left))).astype(int)
+        errors.append(_typical(pa_mpjpe(estimate_joints[left[some]], truth_joints[right[some]])))
+    fits = errors[0] < 0.5 * errors[1]
+    if by == "frame":
+        return "" if fits else wrong
+    if not fits:
+        return ""
+    return (
+        f"{wrong}; but by number the frames fit ({errors[0] * 1e3:.1f} mm) and by time they do"
+        f" not ({errors[1] * 1e3:.1f} mm): one of the frame rates is wrong. Match by frame, or"
+        " give the right rate"
+    )
+
+
+def size_ratio(a: Array, b: Array) -> float:
+    """How many times as large the hands of b (T, 21, 3) are as those of a, in common joints."""
+    both = np.asarray(~(np.isnan(a).any(-1) | np.isnan(b).any(-1)))[..., None]
+    size = _size(np.where(both, a, np.nan))
+    return _size(np.where(both, b, np.nan)) / size if size > 0 else float("nan")
 
 
 def _frame_problem(estimate: Timed, truth: Timed, common: int) -> str:

@@ -12,6 +12,7 @@ from handtrack.evaluation import anatomy, metrics
 from handtrack.evaluation.alignment import align
 from handtrack.evaluation.arrays import Array, lengths, nan_mean
 from handtrack.evaluation.bootstrap import Intervals, intervals
+from handtrack.evaluation.matching import size_ratio
 from handtrack.evaluation.results import Against, Frames, Spread, Stability
 from handtrack.hand.limits import Limits
 from handtrack.hand.skeleton import Hand
@@ -22,6 +23,8 @@ BOOTSTRAPPED = ("pa_mpjpe_mm", "mpjpe_mm", "jitter_m_s3")
 """Measures that get intervals."""
 _FAR_MM = 150.0
 """An error of so much, more than a hand's length, is not one of the hand's pose."""
+_SIZE = 0.1
+"""Hands whose sizes differ by more are worth a note: alignment takes the difference out."""
 _LATE = 0.5
 """A lag of so many frames is worth a note."""
 _LAG_FRAMES = 2000
@@ -132,6 +135,9 @@ def measure(
             values["input_mpjpe_mm"] = metrics.mpjpe(observed, bare) * 1e3
         part = slice(0, _LAG_FRAMES)
         late = metrics.lag(joints[part], bare[part], time_ns=time_ns[part])
+        ratio = size_ratio(joints[part], bare[part])
+        if abs(ratio - 1) > _SIZE:
+            notes = [*notes, f"the truth's hand is {ratio:.2f} times as large as the output's"]
         apart = Spread.of(values["mpjpe_mm"]).median
         if apart > _FAR_MM:
             notes = [*notes, f"the output is {apart:.0f} mm from the truth: another world frame?"]

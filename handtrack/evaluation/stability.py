@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from handtrack.errors import InputError
 from handtrack.evaluation.arrays import sequence_of_points
-from handtrack.evaluation.matching import match_frames, truth_problem
+from handtrack.evaluation.matching import match_frames, rate_problem, truth_problem
 from handtrack.evaluation.measure import Estimate, measure, pool
 from handtrack.evaluation.results import Against, Spread, Stability, StabilityReport
 from handtrack.hand.skeleton import N_JOINTS, Hand
@@ -86,7 +86,8 @@ def stability_of_pair(
 
     Raises:
         InputError: the two are of different hands, have too few frames in common, or the
-            truth is in another unit, joint order or mirrored (named in the message).
+            truth is in another unit, joint order or mirrored (named in the message), or
+            frame rates contradict frame numbers that fit.
     """
     estimate = _estimate(estimate)
     where = f"{estimate.name} against {truth.name}"
@@ -96,6 +97,9 @@ def stability_of_pair(
         i, j = match_frames(estimate, truth, match)
     except InputError as problem:
         raise InputError(f"{where}: {problem}") from None
+    wrong = rate_problem(estimate, truth, estimate.joints, truth.joints, match)
+    if wrong:
+        raise InputError(f"{where}: {wrong}")
     reference = np.full(estimate.joints.shape, np.nan)
     reference[i] = truth.joints[j]
     wrong = truth_problem(estimate.joints[i], truth.joints[j])

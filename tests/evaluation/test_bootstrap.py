@@ -7,7 +7,7 @@ import pytest
 
 from handtrack.errors import InputError
 from handtrack.evaluation import bootstrap
-from handtrack.evaluation.bootstrap import block_length, difference, intervals
+from handtrack.evaluation.bootstrap import block_length, difference, intervals, student
 
 
 def walk(rng, n, memory):
@@ -45,6 +45,14 @@ def test_white_noise_as_the_textbook():
     half = 1.96 * x.std() / np.sqrt(2 * len(x))  # of a normal's deviation
     assert found.std.high - found.std.low == pytest.approx(2 * half, rel=0.15)
     assert found.mean.clear
+
+
+def test_students_quantiles():
+    from scipy.stats import t
+
+    for free in (2.0, 3.5, 6.0, 20.0, 1e6):
+        assert student(0.975, free) == pytest.approx(t.ppf(0.975, free), rel=0.035)
+    assert student(0.975, 8.0) == pytest.approx(t.ppf(0.975, 8.0), rel=5e-4)
 
 
 def test_block_length_follows_memory():

@@ -323,6 +323,26 @@ def test_wrong_unit(sample, factor, words):
     stability_of_pair(estimate, replace(truth, joints=truth.joints * 0.7))
 
 
+def test_a_wrong_frame_rate_is_named(sample):
+    """The same frames, stamped at 30 and at 60 per second: by time they are other moments."""
+    truth = sample["truth_m"].astype(float)
+    a, b = sequence(truth, 30), sequence(truth, 60)
+    with pytest.raises(InputError, match=r"by number the frames fit .* frame rates is wrong"):
+        stability_of_pair(a, b)
+    assert stability_of_pair(a, b, match="frame").mpjpe_mm.max == 0
+    # frames in between are another matter: by time they fit
+    twice = np.repeat(truth, 2, axis=0)
+    row = stability_of_pair(a, sequence(twice, 60))
+    assert row.mpjpe_mm.max == 0
+
+
+def test_another_size_is_noted(sample):
+    truth = sample["truth_m"].astype(float)
+    row = stability_of_pair(sequence(truth), sequence(1.3 * truth))
+    assert row.pa_mpjpe_mm.max < 1e-9
+    assert any("truth's hand is 1.30 times as large" in note for note in row.notes)
+
+
 def test_mirrored(sample):
     estimate, truth = pair(sample)
     with pytest.raises(InputError, match="mirrored"):
