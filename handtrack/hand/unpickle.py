@@ -151,6 +151,9 @@ def _known() -> dict[tuple[str, str], Any]:
         ("collections", "OrderedDict"): dict,
         ("numpy", "ndarray"): np.ndarray,
         ("numpy", "dtype"): np.dtype,
+        # what scipy's todense() makes: an array is as good
+        ("numpy.matrixlib.defmatrix", "matrix"): np.ndarray,
+        ("numpy", "matrix"): np.ndarray,
     }
     for module in ("__builtin__", "builtins"):
         found |= {(module, "set"): set, (module, "object"): object}

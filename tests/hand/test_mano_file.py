@@ -68,6 +68,8 @@ def test_pickles_without_chumpy(contents, write, protocol, sparse):
     content = dict(contents["right"])
     if sparse:
         content["J_regressor"] = getattr(scipy.sparse, sparse)(content["J_regressor"])
+    else:
+        content["J_regressor"] = np.matrix(content["J_regressor"])
     content["kintree_table"] = content["kintree_table"].astype(np.int64)
     content["v_template"] = np.asfortranarray(content["v_template"].astype(np.float32))
     same(read_mano(write(content, protocol=protocol)), content)
