@@ -17,6 +17,7 @@ _WHERE = {
     "ModelError": "errors",
     "HandModel": "hand.model",
     "Limits": "hand.limits",
+    "MANO": "hand.mano",
     "Sequence": "sequences.sequence",
     "load": "sequences.load",
     "repair_identity": "sequences.identity",
@@ -58,6 +59,7 @@ if TYPE_CHECKING:
     from handtrack.fitting.calibrate import calibrate as calibrate
     from handtrack.fitting.images import fit_2d as fit_2d
     from handtrack.hand.limits import Limits as Limits
+    from handtrack.hand.mano import MANO as MANO
     from handtrack.hand.model import HandModel as HandModel
     from handtrack.recording.export.files import export as export
     from handtrack.recording.live import LiveViewer as LiveViewer

@@ -60,6 +60,7 @@ def test_pickles_of_python_2(maker, contents, tmp_path, hand, protocol):
     same(read_mano(path), contents[hand])
 
 
+@pytest.mark.filterwarnings("ignore:the matrix subclass")
 @pytest.mark.parametrize("protocol", [2, 3, 4, 5])
 @pytest.mark.parametrize("sparse", [None, "csc_matrix", "csr_matrix", "coo_matrix", "csc_array"])
 def test_pickles_without_chumpy(contents, write, protocol, sparse):
