@@ -322,6 +322,19 @@ def test_stability_compares_methods(call, made):
     assert raw == pytest.approx(again["common"]["fit"]["input_pa_mpjpe_mm"]["mean"], abs=1e-6)
 
 
+def test_exported_arrays_are_judged_by_what_was_tracked(call, made):
+    call("export", made.recording, "out.npz", "-q")
+    rows = []
+    for path in (made.recording, "out.npz"):
+        _, out, _ = call("stability", path, "--json")
+        (row,) = json.loads(out)["sequences"]
+        rows.append({k: row[k] for k in ("pa_mpjpe_mm", "input_pa_mpjpe_mm", "lost", "against")})
+    assert rows[0]["pa_mpjpe_mm"] == pytest.approx(rows[1]["pa_mpjpe_mm"], abs=1e-4)
+    assert rows[0]["lost"] == rows[1]["lost"]
+    assert rows[1]["input_pa_mpjpe_mm"]["mean"] > rows[1]["pa_mpjpe_mm"]["mean"]
+    assert call("stability", "out.npz", "--frames", "5:9", "--truth", made.short)[0] == 0
+
+
 def test_the_papers_sequence(call, made):
     """The two commands of the README, on a folder made from known motion."""
     frames = ("--frames", "20701:20712", "--hand", "right")

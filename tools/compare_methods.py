@@ -5,8 +5,8 @@
 Without arguments: the sample, and motion like the sample's by another hand with noise of 2 and
 5 mm. Errors are PA-MPJPE in mm, mean and standard deviation over frames: against the truth where
 there is one, else against the observed joints, and then they say how well the hand explains its
-input. Jitter is the output's, in m/s^3. The baselines need all 21 joints: single joints that are
-missing for up to five frames are put in between their neighbours in time, for them only.
+input. Jitter is the output's, in m/s^3. For the baselines, and for them only, single joints that
+are missing for up to five frames are put in between their neighbours in time; the MLP needs all 21.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -90,10 +91,14 @@ def filled(joints: Array) -> Array:
     return out
 
 
+def named(sequence: ht.Sequence) -> ht.Sequence:
+    """A sequence named after its folder too."""
+    folder = Path(sequence.source).parent.name
+    return replace(sequence, name=f"{folder}: {sequence.name}")
+
+
 def synthetic() -> list[ht.Sequence]:
     """The sample, and longer motion by another hand at two noises, with its truth."""
-    from dataclasses import replace
-
     from make_sample import motion, subject_hand
 
     root = Path(__file__).resolve().parent.parent
@@ -121,13 +126,15 @@ def study(sequences: list[ht.Sequence], fast: bool, said: Callable[[str], None])
 
 
 def cells(reports: Reports) -> list[str]:
-    """One row of the table."""
+    """One row of the table, without the name."""
     first = next(iter(reports.values())).overall
-    out = [first.name if first.name != "overall" else "", str(first.frames), first.against]
+    out = [str(first.frames), first.against]
     for report in reports.values():
         row = report.overall
         spread = row.pa_mpjpe_mm
-        out.append(f"{spread.mean:.2f} ± {spread.std:.2f}; {_short(row.jitter_m_s3)}")
+        known = np.isfinite(spread.mean)
+        errors = f"{spread.mean:.2f} ± {spread.std:.2f}; {_short(row.jitter_m_s3)}"
+        out.append(errors if known else "-")
     return out
 
 
@@ -161,7 +168,7 @@ def main(arguments: list[str] | None = None) -> list[Reports]:
     parser.add_argument("--markdown", type=Path, metavar="OUT.md")
     parser.add_argument("--json", type=Path, metavar="OUT")
     options = parser.parse_args(arguments)
-    sequences = [s for path in options.inputs for s in ht.load(path)] or synthetic()
+    sequences = [named(s) for path in options.inputs for s in ht.load(path)] or synthetic()
     if options.frames:
         last = options.frames - 1
         sequences = [s.frames(s.frame_index[0], s.frame_index[0] + last) for s in sequences]
@@ -174,7 +181,7 @@ def main(arguments: list[str] | None = None) -> list[Reports]:
                 if difference.measure == "pa_mpjpe_mm":
                     console.print(difference.sentence)
     rows = [
-        [sequence.name, *cells(reports)[1:]]
+        [sequence.name, *cells(reports)]
         for sequence, reports in zip(sequences, results, strict=True)
     ]
     names = headings(results[0])

@@ -13,6 +13,7 @@ from handtrack.errors import InputError, SettingsError
 
 if TYPE_CHECKING:
     from handtrack import Sequence, Track
+    from handtrack.evaluation.measure import Estimate
     from handtrack.hand.skeleton import Hand
     from handtrack.video.detections import Detections
 
@@ -163,7 +164,7 @@ class Truths(NamedTuple):
         found = reading.load(path)
         return Truths(path, [s if s.truth is None else replace(s, joints=s.truth) for s in found])
 
-    def of(self, estimate: Track | Sequence) -> Sequence:
+    def of(self, estimate: Track | Sequence | Estimate) -> Sequence:
         """The truth of an estimate: the only one, or that of its hand and name.
 
         Raises:
@@ -183,7 +184,9 @@ class Truths(NamedTuple):
         return fitting[0]
 
 
-def estimates(paths: tuple[Path, ...], reading: Reading) -> list[tuple[Path, Track | Sequence]]:
+def estimates(
+    paths: tuple[Path, ...], reading: Reading
+) -> list[tuple[Path, Track | Sequence | Estimate]]:
     """What is to be measured: recordings, and joint sequences as they are, with their files.
 
     Of a folder that holds recordings only these are taken.
@@ -193,14 +196,14 @@ def estimates(paths: tuple[Path, ...], reading: Reading) -> list[tuple[Path, Tra
     """
     import handtrack as ht
 
-    found: list[tuple[Path, Track | Sequence]] = []
+    found: list[tuple[Path, Track | Sequence | Estimate]] = []
     for path in paths:
         if not path.exists():
             raise InputError("no such file or folder", path)
         inside = sorted(path.rglob("*.mcap")) if path.is_dir() else [path]
         for file in inside or [path]:
             if not _is_recording(file):
-                found += [(file, sequence) for sequence in reading.load(file)]
+                found += [(file, _output(file, sequence)) for sequence in reading.load(file)]
                 continue
             tracks = ht.read_mcap(file)
             if reading.hand in ("left", "right"):
@@ -209,6 +212,40 @@ def estimates(paths: tuple[Path, ...], reading: Reading) -> list[tuple[Path, Tra
     if not found:
         raise InputError(f"no {reading.hand} hand in it", paths[0])
     return found
+
+
+def _output(path: Path, sequence: Sequence) -> Sequence | Estimate:
+    """Of arrays that `handtrack export` wrote what was tracked, not what was observed."""
+    import numpy as np
+
+    from handtrack.evaluation.measure import Estimate
+
+    if path.suffix != ".npz":
+        return sequence
+    with np.load(path, allow_pickle=False) as archive:
+        if "filtered_joints_m" not in archive.files:
+            return sequence
+        rows = np.isin(archive["frame_index"], sequence.frame_index)
+        joints, status = archive["filtered_joints_m"][rows], archive["status"][rows]
+        angles = archive["angles_rad"][rows]
+        limits = archive["limits_lower_rad"], archive["limits_upper_rad"]
+    if joints.shape != sequence.joints.shape:
+        raise InputError(
+            f"filtered_joints_m has shape {joints.shape}, joints_m {sequence.joints.shape}", path
+        )
+    from handtrack.hand.limits import Limits
+
+    def count(kind: str) -> int:
+        return int((status == kind).sum())
+
+    return replace(
+        Estimate.of_sequence(sequence),
+        joints=joints.astype(np.float64),
+        observed=sequence.joints,
+        counts=(count("fitted"), count("predicted"), count("lost")),
+        angles=angles,
+        limits=Limits("as exported", *limits),
+    )
 
 
 def _cut(track: Track, frames: tuple[int, int] | None) -> Track:

@@ -21,7 +21,7 @@ from handtrack.fitting.bcd import N_POSE, Fit
 from handtrack.fitting.free_pose import FreeFit
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import matrix_to_vector, vector_to_matrix
-from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
+from handtrack.hand.skeleton import N_ANGLES, N_JOINTS, PALM
 
 Array = NDArray[np.float64]
 Baseline = Literal["gdc", "gdc-pca", "mlp"]
@@ -62,7 +62,8 @@ def fit(
 
     Args:
         model: the hand.
-        joints: (21, 3) in the world [m], complete.
+        joints: (21, 3) in the world [m]; NaN = missing. The MLP needs all of them, GDC three
+            of the palm's.
         method: "gdc", "gdc-pca" or "mlp".
         settings: of the gradient descent.
 
@@ -71,15 +72,16 @@ def fit(
         ours, may lie outside the limits; its covariance is not known (infinite).
 
     Raises:
-        InputError: wrong shapes, or a joint is missing.
+        InputError: wrong shapes, or too many joints are missing.
         SettingsError: an unknown method.
     """
     given = np.asarray(joints, dtype=np.float64)
     if given.shape != (N_JOINTS, 3):
         raise InputError(f"joints have shape {given.shape}, expected (21, 3)")
-    if not np.isfinite(given).all():
-        raise InputError("a joint is missing: the baselines need all 21")
     found = fit_batch(model, given[None], method, settings)
+    if found.status[0] == "missing":
+        needed = "all 21" if method == "mlp" else "three of the palm's"
+        raise InputError(f"joints are missing: {method} needs {needed}")
     return Fit(
         angles=found.angles[0],
         rotation=found.rotation[0],
@@ -104,7 +106,8 @@ def fit_batch(
 
     Args:
         model: the hand.
-        joints: (N, 21, 3) in the world [m]; frames with a missing joint come back "missing".
+        joints: (N, 21, 3) in the world [m]; NaN = missing. Frames of which too much is missing
+            (see `fit`) come back "missing".
         method: "gdc", "gdc-pca" or "mlp".
         settings: of the gradient descent.
         components: mean (45,) and components (n, 45) of the pose for "gdc-pca", in the order of
@@ -119,7 +122,10 @@ def fit_batch(
     given = np.asarray(joints, dtype=np.float64)
     if given.ndim != 3 or given.shape[1:] != (N_JOINTS, 3):
         raise InputError(f"joints have shape {given.shape}, expected (frames, 21, 3)")
-    complete: NDArray[np.bool_] = np.asarray(np.isfinite(given).all((1, 2)))
+    present: NDArray[np.bool_] = np.asarray(np.isfinite(given).all(2))
+    complete: NDArray[np.bool_] = np.asarray(
+        present.all(1) if method == "mlp" else present[:, PALM].sum(1) >= 3
+    )
     use = given[complete]
     parts = []
     for start in range(0, len(use), _BLOCK):
@@ -165,7 +171,7 @@ def _descend(
         turns, places = free_pose.accumulated(model, local, rotation, translation)
         fitted = free_pose.joints_of(model, turns, places)
         by_vectors, by_turn, by_move = free_pose.gradient(
-            vectors, turns, places, fitted, 2.0 * (fitted - joints), translation
+            vectors, turns, places, fitted, 2.0 * np.nan_to_num(fitted - joints), translation
         )
         slope = np.concatenate(
             [

@@ -126,14 +126,19 @@ def palm_pose(model: HandModel, joints: Array) -> tuple[Array, Array]:
     """Rotations (N, 3, 3) and translations (N, 3) that bring the resting palm onto the joints.
 
     Args:
-        joints: (N, 21, 3) complete joints [m].
+        joints: (N, 21, 3) [m], three of the palm's in each frame at least; NaN = missing.
     """
-    rest, seen = model.rest_joints[PALM], joints[:, PALM]
-    a, b = rest - rest.mean(0), seen - seen.mean(1, keepdims=True)
-    u, _, vt = np.linalg.svd(np.einsum("nji,jk->nik", b, a))
+    seen = joints[:, PALM]
+    share = np.asarray(~np.isnan(seen[..., :1]), dtype=np.float64)
+    share /= share.sum(1, keepdims=True)
+    seen = np.nan_to_num(seen)
+    rest = np.broadcast_to(model.rest_joints[PALM], seen.shape)
+    middle, place = (share * rest).sum(1), (share * seen).sum(1)
+    a, b = rest - middle[:, None], seen - place[:, None]
+    u, _, vt = np.linalg.svd(np.einsum("nji,njk->nik", share * b, a))
     u[..., -1] *= np.sign(np.linalg.det(u @ vt))[:, None]
     rotation = u @ vt
-    return rotation, seen.mean(1) - rotation @ rest.mean(0)
+    return rotation, place - np.einsum("nij,nj->ni", rotation, middle)
 
 
 def free_fit(
@@ -148,7 +153,7 @@ def free_fit(
         rotation=rotation,
         translation=translation,
         joints=fitted,
-        objective=np.square(fitted - joints).sum((1, 2)),
+        objective=np.nansum(np.square(fitted - joints), (1, 2)),
         variance=np.full((n, N_ANGLES), np.inf),
         status=np.full(n, "iteration limit"),
         local=local,

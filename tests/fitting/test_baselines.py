@@ -113,15 +113,21 @@ def test_the_weights_are_small():
 
 def test_missing_joints(model):
     joints, _, _ = poses(model, 4)
-    joints[2, 8] = np.nan
-    for method in ("gdc", "mlp"):
-        settings = baselines.GDCSettings(steps=5)
-        found = baselines.fit_batch(model, joints, method, settings)
-        assert found.status.tolist() == ["iteration limit"] * 2 + ["missing", "iteration limit"]
-        assert np.isnan(found.joints[2]).all()
-        assert np.isfinite(found.joints[[0, 1, 3]]).all()
-        with pytest.raises(InputError, match="a joint is missing"):
-            baselines.fit(model, joints[2], method)
+    holes = joints.copy()
+    holes[1, [0, 8, 15]] = np.nan  # the wrist, a tip and a middle joint
+    holes[2, [0, 1, 5, 9]] = np.nan  # too little of the palm
+    found = baselines.fit_batch(model, holes, "gdc")
+    assert found.status.tolist() == [*["iteration limit"] * 2, "missing", "iteration limit"]
+    assert np.isnan(found.joints[2]).all()
+    error = 1e3 * np.linalg.norm(found.joints - joints, axis=-1)
+    assert error[[0, 3]].max() < 2
+    assert np.delete(error[1], [0, 8, 15]).max() < 2
+    assert found.objective[1] < 21 * 0.002**2
+    found = baselines.fit_batch(model, holes, "mlp")
+    assert found.status.tolist() == ["iteration limit", "missing", "missing", "iteration limit"]
+    for method, needed in (("gdc", "three of the palm's"), ("mlp", "all 21")):
+        with pytest.raises(InputError, match=f"{method} needs {needed}"):
+            baselines.fit(model, holes[2], method)
 
 
 def test_bad_arguments(model):

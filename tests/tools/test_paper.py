@@ -91,7 +91,7 @@ def test_methods_beside_each_other(tmp_path, sample_file, capsys):
     assert set(reports) == {*compare_methods.TRACKED, *compare_methods.BASELINES}
     assert "exact is more accurate than GDC: PA-MPJPE" in " ".join(capsys.readouterr().out.split())
     lines = out.read_text().splitlines()
-    assert lines[2].startswith("| sample | 60 | truth | ")
+    assert lines[2].startswith("| recordings: sample | 60 | truth | ")
     spread = reports["exact"].overall.pa_mpjpe_mm
     assert f"{spread.mean:.2f} ± {spread.std:.2f}" in lines[2]
 
