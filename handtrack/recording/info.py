@@ -38,7 +38,7 @@ def info(path: str | Path) -> dict[str, Any]:
             raise InputError(f"not a recording of handtrack, it has {topics}", path)
         if SUMMARY in index.metadata:
             with Walk(path).telling("its summary is damaged"):
-                return _of_index(index, read_summary(index.metadata[SUMMARY]))
+                return _of_index(index, read_summary(index.metadata))
     return _of_messages(path)
 
 

@@ -16,6 +16,7 @@ from handtrack.recording.mcap_index import McapIndex, read_index
 from handtrack.recording.mcap_walk import MAGIC, Found, Walk, opened
 from handtrack.recording.mcap_write import METADATA
 from handtrack.recording.stored_skin import StoredSkin
+from handtrack.recording.summary import SUMMARY, read_summary
 from handtrack.recording.window import between
 from handtrack.tracking.track import Track
 
@@ -28,7 +29,10 @@ def read_tracks(path: Path, start_ns: int | None, end_ns: int | None) -> list[Tr
     first, last = _INT64.min if start_ns is None else start_ns, end_ns
     last = _INT64.max if last is None else last
     index = read_index(path) if part else None
-    if index is not None:
+    if index is not None and SUMMARY in index.metadata:
+        with Walk(path).telling("its summary is damaged"):
+            # metadata is outside of the chunks, which have checksums of their own
+            read_summary(index.metadata)
         return _indexed(index, first, last)
     walk = Walk(path)
     hands = Hands(walk)
@@ -53,9 +57,8 @@ def _indexed(index: McapIndex, first: int, last: int) -> list[Track]:
     hands.check()
     offset = int(index.metadata[METADATA].get("time_offset_ns", "0"))
     times = max(first - offset, 0), min(max(last - offset, -1), 2**64 - 1)
-    models = {begin for name, begin in index.begins.items() if name.startswith(f"{METADATA}/")}
-    # version 1 had the models in the first chunk
-    places = sorted({index.at(begin) for begin in models or {0}})
+    models = [begin for name, begin in index.begins.items() if name.startswith(f"{METADATA}/")]
+    places = sorted({index.at(begin) for begin in models})
     hands.read(places, schemas=OURS[:1])
     wanted = index.between(*times) if times[0] <= times[1] else []
     hands.read(wanted, schemas=OURS[1:], times=times)

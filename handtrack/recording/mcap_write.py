@@ -117,7 +117,8 @@ class RecordingWriter:
             "hands": json.dumps(self._names),
             "mesh": str(choices.mesh),
         }
-        self.stream.metadata(METADATA, values)
+        self._metadata: dict[str, dict[str, str]] = {}
+        self._record(METADATA, values)
 
     def hand(self, index: int, head: Track, first_ns: int) -> HandWriter:
         """Begin a hand with what does not change of its track.
@@ -135,11 +136,15 @@ class RecordingWriter:
             "settings": json.dumps(dict(head.settings)),
             "version": encode.text(head.version),
         }
-        self.stream.metadata(f"{METADATA}/{topic}", values)
+        self._record(f"{METADATA}/{topic}", values)
         hand = HandWriter(self, index, topic, head)
         self._hands[topic] = hand
         self.stream.message(hand.channel["model"], max(first_ns - self.offset, 0), 0, data)
         return hand
+
+    def _record(self, name: str, values: dict[str, str]) -> None:
+        self._metadata[name] = values
+        self.stream.metadata(name, values)
 
     def register(self, topic: str, schema: str) -> int:
         """The channel of a new topic."""
@@ -164,7 +169,7 @@ class RecordingWriter:
             for topic, hand in self._hands.items()
             for name, channel in hand.channel.items()
         }
-        self.stream.metadata(SUMMARY, summary_record(hands, sizes))
+        self.stream.metadata(SUMMARY, summary_record(hands, sizes, self._metadata))
         self.stream.finish()
 
 

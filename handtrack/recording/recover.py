@@ -145,6 +145,7 @@ class _Copy:
             for old, new in self._channels.items()
         }
         hands = {topic: summary.values() for topic, summary in self._summaries.items()}
-        self._writer.metadata(SUMMARY, summary_record(hands, sizes))
+        copied = {n: values for n, values in self._walk.metadata.items() if n != SUMMARY}
+        self._writer.metadata(SUMMARY, summary_record(hands, sizes, copied))
         self._writer.finish()
         return (self._last - self._first) * 1e-9

@@ -130,25 +130,37 @@ def _millimetres(spread: Spread) -> dict[str, float | None]:
     return {name: None if value is None else value * 1e3 for name, value in values.items()}
 
 
-def summary_record(hands: Mapping[str, Any], sizes: Mapping[str, int]) -> dict[str, str]:
+def summary_record(
+    hands: Mapping[str, Any], sizes: Mapping[str, int], metadata: Mapping[str, Mapping[str, str]]
+) -> dict[str, str]:
     """The values of the metadata record `SUMMARY`, with a checksum of their own.
 
     Args:
         hands: values of every hand by its topic.
         sizes: bytes of every topic before compression.
+        metadata: all other metadata records by name, whose checksums it holds.
     """
-    text = json.dumps({"hands": hands, "bytes": sizes})
-    return {"json": text, "crc32": f"{zlib.crc32(text.encode()):08x}"}
+    checks = {name: _checksum(values) for name, values in metadata.items()}
+    text = json.dumps({"hands": hands, "bytes": sizes, "metadata": checks})
+    return {"json": text, "crc32": _checksum({"json": text})}
 
 
-def read_summary(record: Mapping[str, str]) -> dict[str, Any]:
-    """What `summary_record` made.
+def read_summary(metadata: Mapping[str, Mapping[str, str]]) -> dict[str, Any]:
+    """What `summary_record` made, from all metadata records of a file.
 
     Raises:
-        ValueError: it is damaged.
+        ValueError: a record is damaged.
     """
-    text = record.get("json", "")
-    if f"{zlib.crc32(text.encode()):08x}" != record.get("crc32"):
+    text = metadata[SUMMARY].get("json", "")
+    if _checksum({"json": text}) != metadata[SUMMARY].get("crc32"):
         raise ValueError(f"the checksum of the metadata record {SUMMARY!r} differs")
     values: dict[str, Any] = json.loads(text)
+    others = {name: values for name, values in metadata.items() if name != SUMMARY}
+    for name in {*others, *values["metadata"]}:
+        if name not in others or _checksum(others[name]) != values["metadata"].get(name):
+            raise ValueError(f"the checksum of the metadata record {name!r} differs")
     return values
+
+
+def _checksum(values: Mapping[str, str]) -> str:
+    return f"{zlib.crc32(json.dumps(dict(values), sort_keys=True).encode()):08x}"
