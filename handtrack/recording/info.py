@@ -39,7 +39,7 @@ def info(path: str | Path) -> dict[str, Any]:
         if SUMMARY in index.metadata:
             with Walk(path).telling("its summary is damaged"):
                 return _of_index(index, read_summary(index.metadata))
-    return _of_messages(path)
+    return _of_messages(path, index is not None)
 
 
 def _of_index(index: McapIndex, summary: dict[str, Any]) -> dict[str, Any]:
@@ -65,8 +65,8 @@ def _of_index(index: McapIndex, summary: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _of_messages(path: Path) -> dict[str, Any]:
-    """The same, from all messages."""
+def _of_messages(path: Path, indexed: bool) -> dict[str, Any]:
+    """The same, from all messages of a file that has an index, or has none."""
     from handtrack.recording.mcap_read import Hands
 
     walk = Walk(path)
@@ -95,10 +95,10 @@ def _of_messages(path: Path) -> dict[str, Any]:
         for number, channel in walk.channels.items()
     }
     return _about(path, walk.metadata[METADATA]) | {
-        "complete": walk.done,
+        "complete": indexed,
         "compression": walk.compression or "none",
         "chunks": walk.chunks,
-        "note": walk.cut,
+        "note": walk.cut or ("" if indexed else "all of its data is there, but not its index"),
         "topics": topics,
         "hands": values,
     }
