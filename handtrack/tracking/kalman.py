@@ -205,7 +205,8 @@ class Smoother:
     """Rauch, Tung and Striebel's smoother: results come when the sequence is finished.
 
     The joints' noise, and the motion's unless it is given, are learnt from the whole sequence.
-    Long sequences are smoothed in windows that look far beyond their end.
+    A gap is bridged from both its sides: it may last twice as long as a filter coasts. Long
+    sequences are smoothed in windows that look far beyond their end.
     """
 
     def __init__(self, kalman: KalmanFilter, settings: FilterSettings):
@@ -232,17 +233,19 @@ class Smoother:
         if not self._parts:
             return _no_frames()
         inputs = Frames(*(np.concatenate(x) for x in zip(*self._parts, strict=True)))
-        kalman, (coupled, _, noise, *rest) = self._kalman, self._settings
+        kalman, (coupled, _, noise, gain, coast_ns, memory) = self._kalman, self._settings
         shown = inputs.raw[:, OUT_NOISE]
         if not noise and np.isfinite(shown).any():
             noise = max(float(np.nanmedian(shown)), kernels.LEAST_NOISE)
-        kalman._settings = (coupled, 0, noise, *rest)
+        kalman._settings = (coupled, 0, noise, gain, 2 * coast_ns, memory)
         if self._learn:
             kalman._process = process_noise.process(self._learnt(inputs))
-        out = self._smoothed(inputs)
+        out, known = self._smoothed(inputs)
+        known &= _within_reach(inputs, coast_ns)
+        out[~known] = np.nan
         kalman._process, kalman._settings = self._process, self._settings
         self.reset()
-        return out
+        return out, known
 
     def _learnt(self, inputs: Frames) -> Array:
         """(26,) densities that make stretches of the sequence the likeliest."""
@@ -285,3 +288,17 @@ class Smoother:
             known[begin:last] = notes[: last - begin, kernels.KIND] != kernels.NOTHING
             kalman._state = at_last
         return out, known
+
+
+def _within_reach(frames: Frames, coast_ns: int) -> NDArray[np.bool_]:
+    """(T,) which frames a smoother may speak of: in a gap between fits that it bridges, or no
+    longer after the last fit than a filter coasts."""
+    times_ns = frames.times_ns
+    fitted = np.flatnonzero(np.isfinite(frames.raw[:, OUT_NOISE]))
+    if not fitted.size:
+        return np.zeros(len(times_ns), dtype=np.bool_)
+    after = np.searchsorted(fitted, np.arange(len(times_ns)), "right")
+    last = times_ns[fitted[np.maximum(after - 1, 0)]]
+    following = times_ns[fitted[np.minimum(after, fitted.size - 1)]]
+    bridged = (after < fitted.size) & (following - last <= 2 * coast_ns)
+    return np.asarray((after > 0) & (bridged | (times_ns - last <= coast_ns)))

@@ -10,6 +10,7 @@ import handtrack as ht
 from handtrack.fitting import frames as rows
 from handtrack.hand.limits import preset
 from handtrack.hand.rotations import about_axis, matrix_to_vector, vector_to_matrix
+from handtrack.tracking import kalman
 from handtrack.tracking.filter_settings import FILTERS, FilterSettings
 from handtrack.tracking.filters import make_filter
 from handtrack.tracking.kalman import Frames
@@ -270,3 +271,34 @@ def test_settings_that_make_no_sense(settings, message):
 def test_filterpy_has_no_one_euro():
     with pytest.raises(ht.SettingsError, match="one-euro"):
         make_filter(FilterSettings("one-euro", engine="filterpy"), MODEL, 0.3)
+
+
+def test_a_smoother_bridges_a_gap_from_both_sides():
+    """As long as twice the time that a filter coasts; a longer one is lost in the middle."""
+    times_ns, _, _, joints = moving(120)
+    gone = joints.copy()
+    gone[30:44] = np.nan
+    gone[70:100] = np.nan
+    out = run("rts", frames_of(times_ns, gone))
+    found = out[:, rows.OUT_JOINTS : rows.OUT_OBJECTIVE].reshape(-1, 21, 3)
+    error = np.linalg.norm(found - joints, axis=-1).mean(1)
+    assert error[30:44].max() < 0.012
+    # alone, the last frames before it know less
+    causal = run("kalman", frames_of(times_ns, gone))
+    there = causal[:, rows.OUT_JOINTS : rows.OUT_OBJECTIVE].reshape(-1, 21, 3)
+    assert np.linalg.norm(there - joints, axis=-1).mean(1)[38] > 2 * error[38]
+    known = np.isfinite(out[:, 0])
+    coasting = int(0.3 * 30)
+    np.testing.assert_array_equal(known[70:100], np.arange(30) < coasting)
+    assert known[100:].all()
+
+
+def test_windows_of_a_long_sequence_do_not_show(monkeypatch):
+    frames = hard_frames(120)
+    whole = run("rts", frames)
+    monkeypatch.setattr(kalman, "_WINDOW", 25)
+    monkeypatch.setattr(kalman, "_BEYOND", 60)
+    windows = run("rts", frames)
+    np.testing.assert_allclose(windows[:, POSE], whole[:, POSE], atol=3e-4)
+    monkeypatch.setattr(kalman, "_BEYOND", 0)
+    assert np.nanmax(np.abs(run("rts", frames)[:, POSE] - whole[:, POSE])) > 1e-2
