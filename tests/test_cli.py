@@ -705,6 +705,10 @@ def test_track_fits_the_users_mano(sample_file, tmp_path, capsys):
     assert track.model.name == "mano"
     assert track.model.licensed
     assert not len(track.model.rest_vertices)
+    # the subject's shape is found in MANO's own shape space, and kept
+    assert np.count_nonzero(track.model.shape) == 10
+    assert run([*where, "--mano", str(tmp_path), "--no-calibrate"]) == 0
+    assert not len(ht.read_mcap(out)[0].model.shape)
     assert run([*where, "--mano", str(tmp_path), "--hand", "left"]) == 2
     assert "MANO_LEFT.pkl" in capsys.readouterr().err
     (tmp_path / "MANO_RIGHT.pkl").write_bytes(b"cos\nsystem\n(S'true'\ntR.")

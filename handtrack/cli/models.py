@@ -12,7 +12,7 @@ from handtrack.errors import SettingsError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from handtrack import HandModel, Track
+    from handtrack import MANO, HandModel, Sequence, Track
     from handtrack.hand.model import Array
     from handtrack.hand.skeleton import Hand
 
@@ -66,6 +66,7 @@ class Models:
             raise SettingsError("--mano and --gltf name two hands, expected one")
         self._limits, self._mano, self._tips, self._gltf = limits, mano, mano_tips, gltf
         self._made: dict[Hand, HandModel] = {}
+        self._manos: dict[Hand, MANO] = {}
 
     def keep(self, model: HandModel) -> None:
         """Have this model for its hand."""
@@ -84,19 +85,37 @@ class Models:
         from handtrack import HandModel
 
         if self._mano is not None and shape is not None and len(shape):
-            return HandModel.from_mano(
-                self._mano, hand, betas=shape, tips=self._tips, limits=self._limits
-            )
+            return self._mano_of(hand).model(shape, self._limits)
         if hand not in self._made:
             if self._mano is not None:
-                self._made[hand] = HandModel.from_mano(
-                    self._mano, hand, tips=self._tips, limits=self._limits
-                )
+                self._made[hand] = self._mano_of(hand).model(limits=self._limits)
             elif self._gltf is not None:
                 self._made[hand] = HandModel.from_gltf(self._gltf, hand, limits=self._limits)
             else:
                 self._made[hand] = HandModel.default(hand, self._limits)
         return self._made[hand]
+
+    def subject(self, sequence: Sequence, calibrate: Any) -> tuple[HandModel, Any]:
+        """The model for a sequence, and how `handtrack.track` is to calibrate it.
+
+        A MANO that is to be calibrated takes the subject's shape in its own shape space and is
+        then left as it is, so that poses and betas are MANO's.
+
+        Raises:
+            HandtrackError: a file cannot be used, or the sequence shows too little.
+        """
+        if self._mano is None or calibrate not in (True, "auto"):
+            return self.of(sequence.hand), calibrate
+        from handtrack.fitting.mano_shape import mano_shape
+
+        return mano_shape(self._mano_of(sequence.hand), sequence, self._limits).model, "none"
+
+    def _mano_of(self, hand: Hand) -> MANO:
+        from handtrack import MANO
+
+        if self._mano is not None and hand not in self._manos:
+            self._manos[hand] = MANO.load(self._mano, hand, tips=self._tips)
+        return self._manos[hand]
 
     def dressed(self, track: Track) -> Track:
         """A track from a recording with the skin of the model that is named, if one is.

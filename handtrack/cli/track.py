@@ -124,10 +124,10 @@ def track(
                 for i, sequence in enumerate(job.sequences):
                     start, stretches = time.perf_counter(), Stretches(record, i)
                     try:
-                        model = models.of(sequence.hand)
+                        model, how = models.subject(sequence, settings["calibrate"])
                         parts = show.parts(sequence, stretches)
                         hooks: dict[str, Any] = {"progress": progress.frames, "on_part": parts}
-                        result = ht.track(sequence, model, **hooks, **settings)
+                        result = ht.track(sequence, model, **hooks, **settings | {"calibrate": how})
                         _check_fitted(result)
                     except HandtrackError as error:
                         # a hand that is hardly seen must not take the others with it

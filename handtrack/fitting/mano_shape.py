@@ -22,6 +22,9 @@ _MIN_FRAMES, _SEEN = 3, 10
 _FRAMES, _ROUNDS = 120, 60
 # joints are never better than this, whatever the residual [m]
 _LEAST_NOISE = 1e-3
+# what a hand of hinges cannot follow is much the same from frame to frame: all frames together
+# say no more than so many independent ones
+_INDEPENDENT = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,11 +96,12 @@ def _shape(
     miss = np.where(known[..., None], observed - template, 0.0)
     basis = np.where(known[..., None, None], basis, 0.0)
     # the translation that is best for any shape: differences to each frame's mean
-    share = known / known.sum(1, keepdims=True)
-    miss -= known[..., None] * np.einsum("nk,nki->ni", share, miss)[:, None]
-    basis -= known[..., None, None] * np.einsum("nk,nkis->nis", share, basis)[:, None]
+    mean = known / known.sum(1, keepdims=True)
+    miss -= known[..., None] * np.einsum("nk,nki->ni", mean, miss)[:, None]
+    basis -= known[..., None, None] * np.einsum("nk,nkis->nis", mean, basis)[:, None]
     a, b = basis.reshape(-1, basis.shape[-1]), miss.ravel()
-    normal, right = a.T @ a, a.T @ b
+    share = min(1.0, _INDEPENDENT / len(joints))
+    normal, right = share * (a.T @ a), share * (a.T @ b)
     betas = np.linalg.solve(normal + _LEAST_NOISE**2 * np.eye(len(normal)), right)
     noise = _LEAST_NOISE
     for _ in range(3):  # the residual says how far the prior counts
