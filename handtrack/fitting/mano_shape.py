@@ -21,7 +21,7 @@ _MIN_FRAMES, _SEEN = 3, 10
 # frames that are looked at, and rounds of poses and shape in turn
 _FRAMES, _ROUNDS = 120, 60
 # joints are never better than this, whatever the residual [m]
-_LEAST_NOISE = 1e-3
+_LEAST_NOISE = 3e-4
 # what a hand of hinges cannot follow is much the same from frame to frame: all frames together
 # say no more than so many independent ones
 _INDEPENDENT = 10
