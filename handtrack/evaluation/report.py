@@ -132,24 +132,13 @@ def print_comparison(comparison: Comparison, console: Console | None = None) -> 
         pad_edge=False,
         title=f"{comparison.frames:,} frames that all methods have, 95 % intervals in brackets",
     )
-    headings = ("method", "lost", "PA-MPJPE", "std", "p95", "max", "MPJPE", "AUC", "jitter")
-    for heading in headings:
-        table.add_column(heading, justify="left" if heading == "method" else "right", no_wrap=True)
-    for name, row in comparison.common.items():
-        own = methods[name].overall
-        sure = row.intervals.get("pa_mpjpe_mm")
-        jitter = row.intervals.get("jitter_m_s3")
-        table.add_row(
-            escape(name),
-            _percent(own.lost, own.frames),
-            _short(row.pa_mpjpe_mm.mean) + _range(sure.mean if sure else None),
-            _short(row.pa_mpjpe_mm.std) + _range(sure.std if sure else None),
-            _short(row.pa_mpjpe_mm.p95),
-            _short(row.pa_mpjpe_mm.max),
-            _short(row.mpjpe_mm.mean),
-            f"{row.pa_auc:.3f}" if np.isfinite(row.pa_auc) else "-",
-            _short(row.jitter_m_s3) + _range(jitter.mean if jitter else None),
+    columns, left_out = _fitting(_common_columns(comparison), console.width)
+    for column in columns:
+        table.add_column(
+            column[0], justify="left" if column[0] == "method" else "right", no_wrap=True
         )
+    for i in range(len(methods)):
+        table.add_row(*(escape(cells[i]) for _, _, cells in columns))
     console.print(table)
     for difference in comparison.differences:
         clear = difference.of.clear
@@ -162,6 +151,8 @@ def print_comparison(comparison: Comparison, console: Console | None = None) -> 
         f" methods resampled by the same blocks of {lengths} frames.",
         style="dim",
     )
+    if left_out:
+        console.print(f"Left out for lack of width: {', '.join(left_out)}.", style="dim")
     for note in comparison.notes:
         console.print(escape(note), style="yellow")
     for name, report in methods.items():
@@ -169,6 +160,51 @@ def print_comparison(comparison: Comparison, console: Console | None = None) -> 
             for note in row.notes:
                 console.print(f"{escape(name)}: {escape(row.name)}: {escape(note)}", style="yellow")
     _print_paper(panoptic_rows(first.sequences), list(comparison.common.items()), console)
+
+
+_Cells = tuple[str, int, list[str]]
+"""A column of the comparison: heading, importance, one cell for each method."""
+
+
+def _common_columns(comparison: Comparison) -> list[_Cells]:
+    rows = list(comparison.common.values())
+    sure = [row.intervals.get("pa_mpjpe_mm") for row in rows]
+    shaky = [row.intervals.get("jitter_m_s3") for row in rows]
+    own = [report.overall for report in comparison.methods.values()]
+
+    def with_range(values: list[float], of: list[Uncertain | None]) -> list[str]:
+        return [_short(v) + _range(u) for v, u in zip(values, of, strict=True)]
+
+    means = [r.pa_mpjpe_mm.mean for r in rows]
+    stds = [r.pa_mpjpe_mm.std for r in rows]
+    jitters = [r.jitter_m_s3 for r in rows]
+    auc = [f"{r.pa_auc:.3f}" if np.isfinite(r.pa_auc) else "-" for r in rows]
+    return [
+        ("method", _MUST, list(comparison.common)),
+        ("lost", 6, [_percent(r.lost, r.frames) for r in own]),
+        ("PA-MPJPE", _MUST, with_range(means, [i.mean if i else None for i in sure])),
+        ("std", _MUST, with_range(stds, [i.std if i else None for i in sure])),
+        ("median", 1, [_short(r.pa_mpjpe_mm.median) for r in rows]),
+        ("p95", 3, [_short(r.pa_mpjpe_mm.p95) for r in rows]),
+        ("max", 2, [_short(r.pa_mpjpe_mm.max) for r in rows]),
+        ("MPJPE", 4, [_short(r.mpjpe_mm.mean) for r in rows]),
+        ("AUC", 1, auc),
+        ("jitter", 5, with_range(jitters, [i.mean if i else None for i in shaky])),
+    ]
+
+
+def _fitting(columns: list[_Cells], width: int) -> tuple[list[_Cells], list[str]]:
+    """The columns that fit the width, and the headings of those left out."""
+
+    def needed() -> int:
+        return sum(max(map(len, (heading, *cells))) + _GAP for heading, _, cells in columns)
+
+    columns, left_out = list(columns), []
+    while needed() > width and min(c[1] for c in columns) < _MUST:
+        least = min(columns, key=lambda c: c[1])
+        columns.remove(least)
+        left_out.append(least[0])
+    return columns, left_out
 
 
 def _console() -> Console:
@@ -282,6 +318,7 @@ _COLUMNS: tuple[_Column, ...] = (
     _Column("lost", _MUST, lambda r: _percent(r.lost, r.frames)),
     _Column("against", _MUST, lambda r: r.against),
     _Column("PA-MPJPE", _MUST, lambda r: _mean_std(r.pa_mpjpe_mm)),
+    _Column("median", 0, lambda r: _short(r.pa_mpjpe_mm.median)),
     _Column("p95", 2, lambda r: _short(r.pa_mpjpe_mm.p95)),
     _Column("max", 1, lambda r: _short(r.pa_mpjpe_mm.max)),
     _Column("input", 6, lambda r: _mean_std(r.input_pa_mpjpe_mm)),

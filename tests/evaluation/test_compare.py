@@ -186,6 +186,18 @@ def test_terminal(pair):
     assert "240 frames that all methods have" in text
 
 
+def test_a_narrow_terminal_keeps_what_matters(pair):
+    console = Console(file=io.StringIO(), width=72)
+    print_comparison(pair, console)
+    lines = console.file.getvalue().splitlines()
+    assert max(map(len, lines)) <= 72
+    heading = next(line for line in lines if line.split()[:1] == ["method"])
+    assert {"PA-MPJPE", "std"} <= set(heading.split())
+    assert any("Left out for lack of width: median, AUC" in line for line in lines)
+    mean = pair.common["theirs"].pa_mpjpe_mm.mean
+    assert any(line.split()[:1] == ["theirs"] and f"{mean:.2f} [" in line for line in lines)
+
+
 def test_the_papers_rows_stand_beside_its_sequence():
     truth = truth_of(100, name="171204_pose6 right", fps=29.97, first=20701)
     report = report_of((noisy(truth, 2), truth))
