@@ -58,6 +58,15 @@ _BETTER = 0.5
 _SHORTEST, _LONGEST = 4, 256
 
 
+# what is looked at of every frame
+_COLUMNS = np.r_[
+    frames.OUT_OBJECTIVE,
+    frames.OUT_SEEN,
+    frames.OUT_WORST,
+    frames.OUT_ROOT : frames.OUT_QUATERNION,
+]
+
+
 class Verdict(NamedTuple):
     """What is to be said of a frame that is not plainly fitted.
 
@@ -125,18 +134,14 @@ class Gate:
         start = 0
         while start < len(times_ns):
             part = slice(start, start + self._stretch)
-            some = results.part(part)
+            frames_of = (results, times_ns, observed, w)
+            if start > 0 or part.stop < len(times_ns):
+                frames_of = results.part(part), times_ns[part], observed[part], w[part]
+            some, times, joints, weights = frames_of
             before = keep.copy()
-            some.run(
-                self._program,
-                self._model,
-                observed[part],
-                w[part],
-                keep,
-                self._model.mean_angles,
-                self._min_joints,
-            )
-            i = self._first_doubtful(some, times_ns[part], observed[part], w[part])
+            mean, least = self._model.mean_angles, self._min_joints
+            some.run(self._program, self._model, joints, weights, keep, mean, least)
+            i = self._first_doubtful(some, times, joints, weights)
             if i is None:
                 start, self._stretch = part.stop, min(2 * self._stretch, _LONGEST)
                 continue
@@ -155,15 +160,14 @@ class Gate:
         w: Array,
     ) -> int | None:
         """The first frame to be looked at; those before it are taken as believed."""
-        rows = results.rows[:, frames.OUT_OBJECTIVE : frames.OUT_STATE].tolist()
-        worst, roots = results.worst.tolist(), results.roots.tolist()
-        for t, (objective, _, seen) in enumerate(rows):
+        rows = results.rows.take(_COLUMNS, 1).tolist()
+        for t, (objective, seen, worst, *root) in enumerate(rows):
             if math.isnan(objective):
                 if seen > 0 and self._strays(observed[t], w[t], times_ns[t]).any():
                     return t
                 continue
-            noise, place = noise_of(objective, seen), place_of(roots[t])
-            if worst[t] > self._look or self._doubt(noise, place, times_ns[t]):
+            noise, place = noise_of(objective, seen), place_of(root)
+            if worst > self._look or self._doubt(noise, place, times_ns[t]):
                 return t
             self._believe(results, t, noise, place, times_ns[t])
         return None
