@@ -160,7 +160,7 @@ class Gate:
         w: Array,
     ) -> int | None:
         """The first frame to be looked at; those before it are taken as believed."""
-        rows = results.rows.take(_COLUMNS, 1).tolist()
+        rows = results.rows[:, _COLUMNS].tolist()
         for t, (objective, seen, worst, *root) in enumerate(rows):
             if math.isnan(objective):
                 if seen > 0 and self._strays(observed[t], w[t], times_ns[t]).any():
