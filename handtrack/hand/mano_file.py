@@ -15,6 +15,8 @@ from handtrack.hand.skeleton import HANDS, Hand
 from handtrack.hand.unpickle import plain, unpickle
 
 N_VERTICES, N_FACES = 778, 1538
+_LARGEST = 10**6
+"""Numbers in an array."""
 
 # every parent comes before its children; the root's is 2^32 - 1 in an unsigned table
 PARENTS = (-1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14)
@@ -105,7 +107,7 @@ def read_mano(path: str | Path) -> dict[str, NDArray[Any]]:
 
 def _array(key: str, value: object, path: Path) -> NDArray[Any]:
     try:
-        array = np.array(plain(value), dtype=np.float64)
+        array = plain(value)
     except (
         AttributeError,
         LookupError,
@@ -116,13 +118,17 @@ def _array(key: str, value: object, path: Path) -> NDArray[Any]:
         ValueError,
     ) as error:
         raise InputError(f"{key} does not hold an array of numbers: {error}", path) from error
+    if array.dtype.kind not in "biuf":
+        raise InputError(f"{key} does not hold an array of numbers but of {array.dtype}", path)
     expected = _SHAPES[key]
     fits = array.ndim == len(expected) and all(
-        want is None or have == want for have, want in zip(array.shape, expected, strict=True)
+        want in (None, have) for have, want in zip(array.shape, expected, strict=True)
     )
-    if not fits or not array.size:
+    # before memory is taken for it
+    if not fits or not 0 < array.size < _LARGEST:
         text = " x ".join("any" if n is None else str(n) for n in expected)
         raise InputError(f"{key} has shape {array.shape}, expected {text}", path)
+    array = array.astype(np.float64)
     if not np.isfinite(array).all():
         raise InputError(f"{key} holds values that are not finite", path)
     return array

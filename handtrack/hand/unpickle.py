@@ -102,6 +102,9 @@ class _Csc(_Sparse):
 
     def _fill(self, lines: NDArray[Any]) -> None:
         starts = np.asarray(self.stored["indptr"])
+        # before memory is taken for them
+        if np.diff(starts).min() < 0 or starts[-1] - starts[0] != np.size(self.stored["indices"]):
+            raise ValueError("a sparse matrix whose lines do not hold its entries")
         line = np.repeat(np.arange(len(lines)), np.diff(starts))
         np.add.at(lines, (line, np.asarray(self.stored["indices"])), self.stored["data"])
 

@@ -176,6 +176,25 @@ def test_flipped_bytes_are_read_or_refused(mano_folder, write):
     assert refused > 75
 
 
+def test_a_few_bytes_take_no_memory(write, contents):
+    """Arrays that a pickle asks for without storing them, and sparse lines without entries."""
+    huge = b"cnumpy\nndarray\n((I20000\nI20000\ntcnumpy\ndtype\n(S'f8'\ntRtR."
+    keys = [k for k in contents["right"] if k != "v_template"]
+    rest = pickle.dumps({k: contents["right"][k] for k in keys}, protocol=0)[:-1]
+    # the dictionary, its missing key, the huge array, SETITEM, STOP
+    with pytest.raises(
+        InputError, match=r"v_template has shape \(20000, 20000\)|Unable to allocate"
+    ):
+        read_mano(write(rest + b"S'v_template'\n" + huge[:-1] + b"s."))
+    from scipy.sparse import csc_matrix
+
+    matrix = csc_matrix(contents["right"]["J_regressor"])
+    matrix.indptr = matrix.indptr.astype(np.int64)
+    matrix.indptr[-1] = 10**12
+    with pytest.raises(InputError, match="J_regressor does not hold an array of numbers: a sparse"):
+        read_mano(write(contents["right"] | {"J_regressor": matrix}))
+
+
 def without(key):
     return lambda c: {k: v for k, v in c.items() if k != key}
 
