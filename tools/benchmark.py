@@ -11,7 +11,6 @@ Objectives are sums of squared distances (eq. 6) in mm^2.
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import json
 import os
 import platform
@@ -26,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from bench_peers import peers
 from make_mano_like import make_mano_like, write_pickle
 from noise_study import fitted, noisy_motion, noisy_poses, random_angles
 from numpy.typing import NDArray
@@ -57,8 +57,8 @@ ORACLE_STARTS, NEAR = 20, 1e-5
 """Starts of the oracle; how near to its objective counts as the same optimum."""
 NOTHING_M2 = 1e-12
 """An objective below this is rounding: a micrometre on one joint."""
-OTHERS = ("mink", "pink", "pymomentum")
-"""Solvers of the extra `bench`; a comparison belongs into `fit_part`, beside scipy's."""
+PEERS = ("mink", "pymomentum")
+"""Solvers of the extra `bench` (pymomentum: Python >= 3.12)."""
 OURS, SCIPY = "ours: BCD and Newton, compiled", "scipy trf, box for ellipses"
 
 # ---- clocks ----
@@ -154,6 +154,7 @@ def fit_part(quick: bool, limits: str) -> dict[str, Rows]:
         "plain BCD, exact, to 1e-9": bcd.Program(method="bcd", tolerance=1e-9, max_sweeps=10000),
         "li2021 update": bcd.Program("li2021"),
     }
+    others = {f"{name}, box for ellipses": make(model) for name, make in peers().items()}
     rows: Rows = []
     for begin, start in (("mean pose", None), ("frame before", before)):
         found: dict[str, tuple[Array, Array, Array]] = {}
@@ -167,15 +168,21 @@ def fit_part(quick: bool, limits: str) -> dict[str, Rows]:
             poses = [(model, y, start.angles[t], start.roots[t]) for t, y in enumerate(joints)]
         angles, objective = zip(*(scipy_fit(*pose) for pose in poses), strict=True)
         found[SCIPY] = each(scipy_fit, poses, 3), np.array(objective), np.array(angles)
+        for name, peer in others.items():
+            cases = [pose[1:] for pose in poses]
+            ends = [peer.read(peer.solve(*case), case[2]) for case in cases]
+            placed = np.array([model.joints(*end) for end in ends])
+            least = np.square(placed - joints).sum((1, 2))
+            found[name] = each(peer.solve, cases, 20), least, np.array([end[0] for end in ends])
         us, ours = np.median(found[OURS][0]), found[OURS][1]
         for name, (seconds, least, pose) in found.items():
             row = {"start": begin, "solver": name, "median us": 1e6 * np.median(seconds)}
             row |= {"x ours": np.median(seconds) / us, "objective": 1e6 * least.mean()}
             row |= {"of ours": least.mean() / ours.mean(), "worst frame": (least / ours).max()}
             rows.append(row | {"in limits %": 100 * model.limits.contains(pose, 1e-6).mean()})
-    for name in OTHERS:
-        said = "installed, not compared yet" if importlib.util.find_spec(name) else "not installed"
-        rows.append({"start": "-", "solver": f"{name}: {said}"})
+    for name in PEERS:
+        if f"{name}, box for ellipses" not in others:
+            rows.append({"start": "-", "solver": f"{name}: not installed"})
     return {f"{n} frames of the motion, {FIT_NOISE_MM:g} mm noise": rows}
 
 
