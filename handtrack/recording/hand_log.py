@@ -75,7 +75,7 @@ class HandLog:
         if mesh and hand.track.n_vertices:
             self._normals = VertexNormals(hand.track.faces, hand.track.n_vertices)
         self._before = ("fitted", "")
-        self._had_rejected = False
+        self._had_rejected = self._had_turns = False
         self._status = ""
 
     def begin(self) -> None:
@@ -137,6 +137,7 @@ class HandLog:
         self._angles(part)
         self._marks(part)
         self._errors(part)
+        self._turns(part)
         self._states(part)
         self._lines(part)
         if self._normals is not None:
@@ -275,6 +276,29 @@ class HandLog:
         millimetres = 1e3 * np.stack(values, 1)
         for rows in batches(len(part), ROWS):
             self._send(part, f"errors/{self._hand.topic}", _scalars(millimetres[rows]), rows)
+
+    def _turns(self, part: Track) -> None:
+        """Where the hand was no longer fitted, and where found, as points among the angles."""
+        import rerun as rr
+
+        fitted = part.status == "fitted"
+        before = np.r_[self._status in ("", "fitted"), fitted[:-1]]
+        turns = np.stack([before & ~fitted, (fitted & ~before) | part.restart], 1)
+        found = np.flatnonzero(turns.any(1))
+        if not found.size:
+            return
+        values = np.where(turns[found], 0.0, np.nan)
+        for finger in FINGERS:
+            entity = f"angles/{self._hand.topic}/{finger}/events"
+            if not self._had_turns:
+                points = rr.SeriesPoints(
+                    colors=[style.STATUS_COLOURS["lost"], style.STATUS_COLOURS["fitted"]],
+                    marker_sizes=[style.TURN_SIZE] * 2,
+                    names=["gone", "found"],
+                )
+                self._static(entity, points)
+            self.scalars(entity, part, values, found)
+        self._had_turns = True
 
     def _states(self, part: Track) -> None:
         """Where the status changes."""

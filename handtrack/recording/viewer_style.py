@@ -55,6 +55,9 @@ STATUS_COLOURS: dict[str, Colour] = {
     "lost": (225, 85, 85, 255),
 }
 
+TURN_SIZE = 4.0
+"""Of the points among the angles where the hand was lost or found."""
+
 
 def angle_labels(finger: int) -> list[str]:
     """ "MCP flexion" and so on, for the four angles of a finger."""

@@ -41,7 +41,9 @@ def test_entities(found: dict[str, Any]) -> None:
     expected = {f"/world/right/{n}" for n in ("skin", "observed", "fitted", "filtered", "truth")}
     expected |= {"/world/right/limits", "/world/right/rejected"}
     expected |= {
-        f"/angles/right/{f}/{kind}" for f in FINGERS for kind in ("raw", "angles", "limits")
+        f"/angles/right/{f}/{kind}"
+        for f in FINGERS
+        for kind in ("raw", "angles", "limits", "events")
     }
     expected |= {"/world/right", "/errors/right", "/status/right", "/log/right"}
     assert set(found) - {"/__properties"} == expected
@@ -58,6 +60,17 @@ def test_rejected_joints_are_marked_where_they_were_seen(
         last = shown.get(frame, last)
         expected = track.observed[t][track.rejected[t]].astype(np.float32)
         np.testing.assert_array_equal(np.array(last).reshape(-1, 3), expected)
+
+
+def test_turns_are_marked_among_the_angles(found: dict[str, Any], track: Track) -> None:
+    for finger in FINGERS:
+        rows = found[f"/angles/right/{finger}/events"]
+        # predicted in the first frame, lost at 20, found again at 26
+        assert rows["frame"] == [100, 101, 120, 126]
+        gone, back = np.array(rows["Scalars:scalars"]).T
+        np.testing.assert_array_equal(gone, [0.0, np.nan, 0.0, np.nan])
+        np.testing.assert_array_equal(back, [np.nan, 0.0, np.nan, 0.0])
+    assert track.restart[26]
 
 
 def test_timelines(found: dict[str, Any], track: Track) -> None:
