@@ -149,6 +149,8 @@ class HandModel:
     ) -> HandModel:
         """A hand from the user's MANO files: `MANO.load(...).model(...)`, which see.
 
+        All angles zero is MANO's flat hand, the zero pose of flat_hand_mean=True.
+
         Args:
             path: MANO_RIGHT.pkl, MANO_LEFT.pkl, an .npz conversion, or a folder that has them.
             hand: "left" or "right"; needed where neither path nor file name says.
