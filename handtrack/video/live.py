@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -178,8 +179,18 @@ def run_live(
         dropped: says how many frames the source dropped so far.
     """
     trackers: dict[Hand, Tracker] = {}
+    waiting: dict[Hand, deque[int]] = {hand: deque() for hand in HANDS}
     count = LiveCount()
     targets = list(sinks)
+
+    def give(hand: Hand, tracked: Iterable[TrackedFrame]) -> None:
+        """Frames that are final, of which a filter may have made them wait."""
+        for one in tracked:
+            count.seen[hand] = count.seen.get(hand, 0) + (one.status == "fitted")
+            index = waiting[hand].popleft()
+            for sink in targets:
+                sink.take(one, trackers[hand], index)
+
     nothing, none = np.full((N_JOINTS, 3), np.nan), np.zeros(N_JOINTS)
     try:
         for frame in frames:
@@ -191,19 +202,20 @@ def run_live(
                         continue
                     trackers[hand] = make_tracker(hand, size)
                 seen = joints is not None
-                tracked = trackers[hand].step(
+                waiting[hand].append(frame.index)
+                new = trackers[hand].push(
                     nothing if joints is None else joints,
                     frame.time_ns,
                     frame.confidence[hand] if seen else none,
                 )
-                count.seen[hand] = count.seen.get(hand, 0) + (tracked.status == "fitted")
-                for sink in targets:
-                    sink.take(tracked, trackers[hand], frame.index)
+                give(hand, new)
             count.frames += 1
             count.latency_s.append(time.monotonic() - frame.came)
     except KeyboardInterrupt:
         # how a user says that it is enough
         pass
+    for hand, tracker in trackers.items():
+        give(hand, tracker.finish())
     count.dropped = dropped()
     return count
 

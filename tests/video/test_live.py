@@ -71,6 +71,22 @@ def test_ctrl_c_leaves_a_complete_recording(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["live.mcap"]
 
 
+def test_a_filter_that_waits_loses_no_frame(tmp_path):
+    """Frames come two later, each with its own number, and the last ones at the end."""
+
+    def lagging(hand, size):
+        model = ht.HandModel.default(hand).scaled(size)
+        return Tracker(model, filter="fixed-lag", lag=2)
+
+    joints = motion(12)
+    with RecorderSink(tmp_path / "live.mcap", "test", CHOICES) as record:
+        count = run_live(frames(joints, missing=(0,)), lagging, [record])
+    (track,) = ht.read_mcap(tmp_path / "live.mcap")
+    assert track.frame_index.tolist() == list(range(1, 12))
+    assert np.abs(track.observed - joints[1:]).max() < 1e-9
+    assert count.seen == {"right": 11}
+
+
 def test_a_hand_that_never_comes_gives_an_empty_recording(tmp_path):
     with RecorderSink(tmp_path / "live.mcap", "test", CHOICES) as record:
         count = run_live(frames(motion(3), missing=range(3)), tracker, [record])
