@@ -707,6 +707,12 @@ def test_track_fits_the_users_mano(sample_file, tmp_path, capsys):
     assert not len(track.model.rest_vertices)
     # the subject's shape is found in MANO's own shape space, and kept
     assert np.count_nonzero(track.model.shape) == 10
+    again = ["retrack", str(out), "-o", str(tmp_path / "again.mcap"), "-q", "--mano", str(tmp_path)]
+    for calibrate in ([], ["--calibrate"]):
+        assert run([*again, *calibrate]) == 0
+        (tracked,) = ht.read_mcap(tmp_path / "again.mcap")
+        assert np.abs(tracked.model.shape - track.model.shape).max() < 1e-9
+        assert np.nanmax(np.abs(tracked.angles - track.angles)) < 1e-6
     assert run([*where, "--mano", str(tmp_path), "--no-calibrate"]) == 0
     assert not len(ht.read_mcap(out)[0].model.shape)
     assert run([*where, "--mano", str(tmp_path), "--hand", "left"]) == 2

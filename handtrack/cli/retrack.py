@@ -39,7 +39,7 @@ def retrack(file: Path, output: Path, as_json: bool, quiet: bool, **options: Any
     again. A recording of MANO holds no model: give --mano again.
     """
     import handtrack as ht
-    from handtrack.tracking.retrack import as_stored
+    from handtrack.tracking.retrack import as_stored, input_of
     from handtrack.tracking.retrack import retrack as run
 
     source = click.get_current_context().get_parameter_source
@@ -61,7 +61,10 @@ def retrack(file: Path, output: Path, as_json: bool, quiet: bool, **options: Any
                 if stored.model.licensed and "calibrate" not in own:
                     model = as_stored(model, stored.model)
                 else:
-                    own.setdefault("calibrate", stored.settings.get("calibrate", True))
+                    how = own.get("calibrate", stored.settings.get("calibrate", True))
+                    if how is True:
+                        model, how = models.subject(input_of(stored), how)
+                    own["calibrate"] = how
             elif "calibrate" in own:
                 model = models.of(stored.hand)
             if model is not None and "limits" in given:
