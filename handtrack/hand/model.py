@@ -57,7 +57,9 @@ class HandModel:
         faces: (F, 3) triangles, counter-clockwise from outside.
         weights: (V, 16) skinning weights of the moving parts; rows sum to one.
         thumb_twist: how far the thumb turns about its own first bone for each radian of its
-            abduction (the paper's internal rotation R_in, with its constant alpha).
+            abduction (the paper's internal rotation R_in, with its constant alpha). 0 by default:
+            with bone lengths alone from a sequence, 0.5 to 1 takes 3 to 5 % off real thumbs'
+            errors (median of ten); with joint axes calibrated too it takes off nothing.
         licensed: the skin comes from files that may not be passed on.
         shape: (S,) coefficients that made this hand in its source's own shape space (MANO's
             betas), none where it has no such space or the hand was changed since.

@@ -26,6 +26,8 @@ class FilterSettings:
         couple: whether the filter's prediction enters the fit as a prior, or the raw fit is
             filtered (Kalman filters).
         noise_mm: standard deviation of the joints per coordinate [mm]; learnt if left out.
+        robust, spread_mm: loss of a joint's distance where the filter weighs joints (Kalman
+            filters), as in `handtrack.fit`.
         engine: "compiled", or "filterpy" for its reference.
 
     Raises:
@@ -38,6 +40,8 @@ class FilterSettings:
     couple: bool = True
     noise_mm: float | None = None
     engine: str = "compiled"
+    robust: str = "none"
+    spread_mm: float = 10.0
 
     def __post_init__(self) -> None:
         if self.name not in FILTERS:

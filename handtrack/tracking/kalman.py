@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from handtrack.fitting import bcd
 from handtrack.fitting.frames import OUT_NOISE, OUT_SIZE
 from handtrack.fitting.information import information
-from handtrack.fitting.lanes import SIZE
+from handtrack.fitting.lanes import LOSS, SIZE, SPREAD2
 from handtrack.hand.model import HandModel
 from handtrack.tracking import kalman_kernel as kernels
 from handtrack.tracking import process_kernel, process_noise, smoother_kernel
@@ -85,6 +85,8 @@ class KalmanFilter:
         """
         self._buffer = np.zeros(SIZE)
         kernels.load(self._buffer, *(np.array(x) for x in bcd.constants(model)))
+        self._buffer[LOSS] = bcd.LOSSES[settings.robust]
+        self._buffer[SPREAD2] = (1e-3 * settings.spread_mm) ** 2
         follow = settings.process_noise == "auto"
         self._settings: tuple[Any, ...] = (
             int(settings.couple),

@@ -103,7 +103,9 @@ class Tracker:
         if not 0 <= coast_s <= 1e6:
             raise SettingsError(f"coast_s is {coast_s}, expected at least 0 s")
         self.model = model
-        steady = FilterSettings(filter, lag, process_noise, couple, noise_mm, engine)
+        steady = FilterSettings(
+            filter, lag, process_noise, couple, noise_mm, engine, robust, spread_mm
+        )
         self.settings: dict[str, Any] = {
             "filter": filter,
             "update": update,

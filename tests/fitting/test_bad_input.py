@@ -129,10 +129,13 @@ ODD = st.sampled_from([0.0, -0.0, 5e-324, 1e-300, 1e-30, 1e-9, 0.01, 0.1, -0.1, 
     ),
     update=st.sampled_from(["exact", "li2021"]),
     method=st.sampled_from(["newton", "bcd"]),
+    robust=st.sampled_from(["none", "huber", "geman-mcclure"]),
+    collisions=st.booleans(),
 )
-def test_any_numbers(joints, weights, update, method):
+def test_any_numbers(joints, weights, robust, collisions, update, method):
+    how = {"update": update, "method": method, "robust": robust, "collisions": collisions}
     try:
-        found = fit(MODEL, joints, weights=weights, update=update, method=method, max_sweeps=50)
+        found = fit(MODEL, joints, weights=weights, max_sweeps=50, **how)
     except InputError:
         assert not (np.isfinite(joints).all(1) & (weights > 0)).any()
         return
