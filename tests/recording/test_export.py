@@ -277,6 +277,8 @@ def test_npz_is_all_of_the_track_and_can_be_tracked_again(track: Track, tmp_path
             ("error_m", track.error),
             ("status", track.status),
             ("reason", track.reason),
+            ("rejected", track.rejected),
+            ("restart", track.restart),
             ("rest_vertices_m", track.model.rest_vertices),
         ):
             np.testing.assert_array_equal(found[name], expected)

@@ -72,6 +72,8 @@ def tracks(draw: st.DrawFn) -> Track:
         sweeps=np.array(draw(st.lists(INT64, min_size=n, max_size=n)), np.int64),
         status=np.array(draw(st.lists(st.sampled_from(STATUSES), min_size=n, max_size=n)), np.str_),
         reason=np.array(draw(st.lists(ARRAY_TEXT, min_size=n, max_size=n)), np.str_),
+        rejected=rng.random((n, 21)) < 0.3,
+        restart=rng.random(n) < 0.3,
         model=model,
         settings=draw(st.dictionaries(st.text(), JSON, max_size=3)),
         version=draw(TEXT),

@@ -47,6 +47,8 @@ def arrays(track: Track) -> dict[str, Any]:
         "sweeps": track.sweeps,
         "status": track.status,
         "reason": track.reason,
+        "rejected": track.rejected,
+        "restart": track.restart,
         "event_time_ns": np.array([e.time_ns for e in track.events], np.int64),
         "event_level": np.array([e.level for e in track.events], "<U16"),
         "event_text": np.array([e.text for e in track.events], np.str_),
