@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import handtrack as ht
-from handtrack.cli import run
+from handtrack.cli import main, run
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "tools")]
@@ -210,3 +210,15 @@ def test_a_killed_run_leaves_a_readable_part(sample, tmp_path):
     assert len(track) > 50
     np.testing.assert_array_equal(track.observed, joints[: len(track)])
     assert (track.status == "fitted").all()
+
+
+@pytest.mark.parametrize(("given", "expected"), [(None, "1"), ("4", "4")])
+def test_the_command_line_computes_on_one_thread(given, expected, monkeypatch):
+    """Unless the user says otherwise; so that a small matrix product does not wait for threads."""
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", given or "")
+    if given is None:
+        monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    monkeypatch.setattr(sys, "argv", ["handtrack", "--version"])
+    with pytest.raises(SystemExit):
+        main()
+    assert os.environ["OPENBLAS_NUM_THREADS"] == expected

@@ -25,6 +25,10 @@ COMMANDS = (
 
 def main() -> None:
     """Run the command line and exit: 0 done, 1 the job failed, 2 input or arguments are wrong."""
+    # NumPy is not loaded yet; on matrices as small as ours threads only wait for one another,
+    # on a busy machine ten times as long as the work takes
+    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
+        os.environ.setdefault(name, "1")
     sys.exit(run(sys.argv[1:]))
 
 
