@@ -24,7 +24,7 @@ from rich.console import Console
 from rich.table import Table
 
 import handtrack as ht
-from handtrack.evaluation.compare import Comparison, compare
+from handtrack.evaluation.compare import compare
 from handtrack.evaluation.measure import Estimate
 from handtrack.evaluation.results import StabilityReport
 from handtrack.fitting import baselines
@@ -153,11 +153,6 @@ def markdown(rows: list[list[str]], names: list[str]) -> str:
     return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows), ""])
 
 
-def compared(reports: Reports) -> Comparison:
-    """The methods on the frames that all have."""
-    return compare(reports)
-
-
 def main(arguments: list[str] | None = None) -> list[Reports]:
     """Run the methods, print the table and what differs for sure."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -177,7 +172,8 @@ def main(arguments: list[str] | None = None) -> list[Reports]:
     for sequence, reports in zip(sequences, results, strict=True):
         if options.sentences:
             console.print(f"\n{sequence.name}")
-            for difference in compared(reports).differences:
+            some = {name: r for name, r in reports.items() if r.overall.compared}
+            for difference in compare(some).differences:
                 if difference.measure == "pa_mpjpe_mm":
                     console.print(difference.sentence)
     rows = [

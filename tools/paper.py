@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from paper_fits import METHODS, NAMES, Poses, Row, measure, table
+from paper_fits import METHODS, NAMES, Poses, Row, measure, run, table
 from rich.console import Console
 from rich.table import Table
 from scipy.spatial.transform import Rotation
@@ -148,8 +148,6 @@ def table_4(options: argparse.Namespace, console: Console) -> dict[str, dict[str
     scale = size[:, None, None]
     poses = Poses("FreiHAND", truth / scale, None, model)
     results = {"detector": seen}
-    from paper_fits import run
-
     for method in ("mlp", "li2021", "exact"):
         results[NAMES[method]] = run(method, poses, seen / scale).joints * scale
     out: dict[str, dict[str, float]] = {}
