@@ -53,7 +53,8 @@ class McapStream:
         self._chunks: list[bytes] = []
         self._span: tuple[int, int] | None = None
         self._metadata: list[MetadataIndex] = []
-        self._counts: dict[int, int] = {}
+        self.counts: dict[int, int] = {}
+        """Messages of each channel in the chunks that were written."""
         self.bytes: dict[int, int] = {}
         """Bytes of all messages of each channel, before compression."""
         self._parts: list[bytes] = []
@@ -85,7 +86,7 @@ class McapStream:
                 schema_id=schema_id,
             )
         )
-        self._counts[self._channels] = self.bytes[self._channels] = 0
+        self.counts[self._channels] = self.bytes[self._channels] = 0
         return self._channels
 
     def _define(self, record: McapRecord) -> None:
@@ -144,8 +145,9 @@ class McapStream:
             offsets[channel] = index_at + len(indexes)
             data = np.array(entries, "<u8").tobytes()
             indexes += _INDEX.pack(7, 6 + len(data), channel, len(data)) + data
-            self._counts[channel] += len(entries)
         self._put(head + packed + indexes)
+        for channel, entries in self._entries.items():
+            self.counts[channel] += len(entries)
         self._stream.flush()
         index = ChunkIndex(
             message_start_time=start,
@@ -175,9 +177,9 @@ class McapStream:
         statistics = Statistics(
             attachment_count=0,
             channel_count=self._channels,
-            channel_message_counts=self._counts,
+            channel_message_counts=self.counts,
             chunk_count=len(self._chunks),
-            message_count=sum(self._counts.values()),
+            message_count=sum(self.counts.values()),
             message_start_time=start_time,
             message_end_time=end_time,
             metadata_count=len(self._metadata),

@@ -94,7 +94,7 @@ class McapRecorder:
         self._writer: RecordingWriter | None = None
         self._writers: dict[int, HandWriter] = {}
         self._since = time.monotonic()
-        self._open, self._writing, self.frames = True, False, 0
+        self._open, self._writing = True, False
 
     @property
     def path(self) -> Path:
@@ -105,6 +105,14 @@ class McapRecorder:
     def part(self) -> Path:
         """Where it is until then."""
         return self._file.part
+
+    @property
+    def frames(self) -> int:
+        """How many frames of all hands the file holds by now."""
+        if self._writer is None:
+            return 0
+        counts = self._writer.stream.counts
+        return sum(counts[writer.channel["state"]] for writer in self._writers.values())
 
     @property
     def closed(self) -> bool:
@@ -164,7 +172,6 @@ class McapRecorder:
             writer.add(messages)
             writer.stream.flush()
             file.sync_soon()
-            self.frames += len(part)
 
     def flush(self) -> None:
         """Write all that waits, so that it can be read."""

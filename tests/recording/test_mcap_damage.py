@@ -7,6 +7,7 @@ import random
 import struct
 import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,9 @@ from recording_checks import differences, first_frames, read_or_error
 
 from handtrack.errors import InputError
 from handtrack.recording import mcap_stream, mcap_write
+from handtrack.recording.info import info
 from handtrack.recording.mcap_io import read_mcap, write_mcap
+from handtrack.recording.recover import recover
 from handtrack.recording.schema import message_class
 from handtrack.tracking.track import Track
 
@@ -82,6 +85,39 @@ def test_flipped_bits(compression: str, small_chunks: None, tmp_path: Path) -> N
         errors += isinstance(read, str)
         assert isinstance(read, str) or is_prefix(read, track)
     assert errors > 100
+
+
+@pytest.mark.parametrize("kind", ["cut", "flipped"])
+def test_info_and_recovery_of_damaged_files(
+    kind: str, written: tuple[Track, bytes], tmp_path: Path
+) -> None:
+    """Numbers that are right, of the whole or of a beginning; a clean file; or one clear error."""
+    track, data = written
+    path, clean, rng = tmp_path / "damaged.mcap", tmp_path / "clean.mcap", random.Random(2)
+    path.write_bytes(data)
+    whole = info(path)
+    kept = set()
+    for _ in range(60):
+        damaged = bytearray(data)
+        if kind == "cut":
+            del damaged[rng.randrange(len(data)) :]
+        else:
+            damaged[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
+        path.write_bytes(damaged)
+        with suppress(InputError):
+            told = info(path)
+            if told["complete"]:
+                assert told == whole
+            for hand in told["hands"].values():
+                assert hand["frames"] <= len(track)
+                assert hand["settings"] == dict(track.settings)
+        with suppress(InputError):
+            found = recover(path, clean)
+            assert is_prefix(read_mcap(clean), track)
+            assert info(clean)["hands"]["right"]["frames"] == found.frames
+            assert found.note or found.frames == len(track)
+            kept.add(found.frames)
+    assert len(kept) > 5
 
 
 def test_the_places_where_flips_hurt_most(small_chunks: None, tmp_path: Path) -> None:

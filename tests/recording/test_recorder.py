@@ -220,6 +220,18 @@ def test_a_full_disk_keeps_what_fitted(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read.angles, track.angles[: len(read)])
 
 
+def test_a_disk_that_is_full_amid_a_long_stretch(tmp_path: Path) -> None:
+    track = make_track(200, skin=False)
+    recorder = McapRecorder(tmp_path / "a.mcap", hands=[("sample", "right")])
+    recorder._file.stream = FullDisk(recorder._file.stream, 300_000)
+    with pytest.raises(HandtrackError, match="No space left on device") as caught:
+        recorder.add(track)
+    with pytest.warns(UserWarning, match="ends in the middle"):
+        (read,) = read_mcap(recorder.part)
+    assert f"holds the {len(read)} frames until then" in str(caught.value)
+    assert 0 < len(read) < len(track)
+
+
 def test_a_disk_that_is_full_from_the_start_leaves_nothing(track: Track, tmp_path: Path) -> None:
     recorder = McapRecorder(tmp_path / "a.mcap", track.model)
     recorder._file.stream = FullDisk(recorder._file.stream, 100)
