@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-COMPILING = "compiling the fitter, once on this machine (about 20 s) ..."
+COMPILING = "compiling the fitter, once on this machine (about 15 s) ..."
 
 
 @contextmanager
