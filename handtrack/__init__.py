@@ -27,7 +27,10 @@ _WHERE = {
     "fit_2d": "fitting.images",
     "Camera": "cameras.camera",
     "load_cameras": "cameras.formats",
-    "calibrate": "fitting.calibrate",
+    "calibrate": "calibration.calibrate",
+    "explain": "calibration.explain",
+    "save_hand": "hand.hand_file",
+    "load_hand": "hand.hand_file",
     "Tracker": "tracking.tracker",
     "track": "tracking.tracker",
     "retrack": "tracking.retrack",
@@ -45,6 +48,8 @@ _WHERE = {
 __all__ = [*sorted(_WHERE), "__version__", "metrics"]
 
 if TYPE_CHECKING:
+    from handtrack.calibration.calibrate import calibrate as calibrate
+    from handtrack.calibration.explain import explain as explain
     from handtrack.cameras.camera import Camera as Camera
     from handtrack.cameras.formats import load_cameras as load_cameras
     from handtrack.errors import HandtrackError as HandtrackError
@@ -56,8 +61,9 @@ if TYPE_CHECKING:
     from handtrack.fitting.batch import fit_batch as fit_batch
     from handtrack.fitting.bcd import Fit as Fit
     from handtrack.fitting.bcd import fit as fit
-    from handtrack.fitting.calibrate import calibrate as calibrate
     from handtrack.fitting.images import fit_2d as fit_2d
+    from handtrack.hand.hand_file import load_hand as load_hand
+    from handtrack.hand.hand_file import save_hand as save_hand
     from handtrack.hand.limits import Limits as Limits
     from handtrack.hand.mano import MANO as MANO
     from handtrack.hand.model import HandModel as HandModel

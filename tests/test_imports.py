@@ -24,7 +24,16 @@ ALLOWED = {
     "sequences.sequence": {"errors", "hand.skeleton"},
     "cameras": {"errors", "hand.skeleton", "hand"},
     "fitting": {"errors", "hand.skeleton", "hand", "sequences.sequence", "cameras"},
-    "tracking": {"", "errors", "hand.skeleton", "hand", "sequences.sequence", "fitting"},
+    "calibration": {"errors", "hand.skeleton", "hand", "sequences.sequence", "fitting"},
+    "tracking": {
+        "",
+        "errors",
+        "hand.skeleton",
+        "hand",
+        "sequences.sequence",
+        "fitting",
+        "calibration",
+    },
     "recording": {"", "errors", "hand.skeleton", "hand", "tracking"},
     "video": {
         *("errors", "hand.skeleton", "hand", "sequences", "sequences.sequence"),

@@ -34,9 +34,9 @@ from rich.table import Table
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from handtrack.calibration.calibrate import calibrate
 from handtrack.fitting import bcd, frames
 from handtrack.fitting.batch import fit_batch
-from handtrack.fitting.calibrate import calibrate
 from handtrack.hand.limits import DEFAULT_LIMITS, PRESETS
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import quaternion_to_matrix

@@ -24,11 +24,11 @@ from rich.console import Console
 from rich.table import Table
 
 import handtrack as ht
+from handtrack.calibration.calibrate import calibrate
 from handtrack.evaluation.compare import compare
 from handtrack.evaluation.measure import Estimate
 from handtrack.evaluation.results import StabilityReport
 from handtrack.fitting import baselines
-from handtrack.fitting.calibrate import scale_to
 from handtrack.hand.model import HandModel
 
 Array = NDArray[np.float64]
@@ -55,7 +55,7 @@ def tracked(sequence: ht.Sequence, limits: str, settings: dict[str, Any]) -> Sta
 
 def baseline(sequence: ht.Sequence, method: baselines.Baseline) -> StabilityReport:
     """A sequence fitted by a baseline, frame by frame, measured."""
-    model = scale_to(HandModel.default(sequence.hand, "li2021"), sequence).model
+    model = calibrate(HandModel.default(sequence.hand, "li2021"), sequence, "scale").model
     joints = baselines.fit_batch(model, filled(sequence.joints), method).joints
     # where nothing was seen there is nothing to be judged
     seen = int((~np.isnan(joints).all((1, 2))).sum())

@@ -17,7 +17,7 @@ from handtrack import __version__
 from handtrack.errors import HandtrackError, InputError, ModelError, SettingsError
 
 COMMANDS = (
-    *("detect", "track", "live", "replay", "stability", "export"),
+    *("detect", "calibrate", "track", "live", "replay", "stability", "export"),
     *("info", "retrack", "diff", "recover"),
 )
 """In the order of the help."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from handtrack.errors import SettingsError
+from handtrack.errors import InputError, SettingsError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,6 +28,14 @@ def model_options(command: _Command) -> _Command:
         help="Fit a skinned hand: .glb on WebXR's joints, or a folder with left and right.",
     )
     return mano_options(gltf(command))
+
+
+hand_model_option = click.option(
+    "--hand-model",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="The subject's hand, from `handtrack calibrate`; fitted as it is.",
+)
 
 
 def mano_options(command: _Command) -> _Command:
@@ -53,20 +61,39 @@ def mano_options(command: _Command) -> _Command:
 
 def take_models(options: dict[str, Any], limits: str) -> Models:
     """Take the values of `model_options` out of a command's options."""
-    return Models(limits, **{name: options.pop(name) for name in ("mano", "mano_tips", "gltf")})
+    names = ("mano", "mano_tips", "gltf")
+    return Models(limits, options.pop("hand_model", None), **{n: options.pop(n) for n in names})
 
 
 class Models:
     """The hand to fit, left or right, by the values of `model_options`."""
 
     def __init__(
-        self, limits: str, *, mano: Path | None, mano_tips: str, gltf: Path | None
+        self,
+        limits: str,
+        file: Path | None = None,
+        *,
+        mano: Path | None,
+        mano_tips: str,
+        gltf: Path | None,
     ) -> None:
         if mano is not None and gltf is not None:
             raise SettingsError("--mano and --gltf name two hands, expected one")
+        self.file, self.limits = file, limits
         self._limits, self._mano, self._tips, self._gltf = limits, mano, mano_tips, gltf
         self._made: dict[Hand, HandModel] = {}
         self._manos: dict[Hand, MANO] = {}
+
+    @property
+    def base(self) -> tuple[str, str]:
+        """Which hand it is, as `save_hand` wants it, and its file."""
+        if self._mano is not None:
+            return "mano", str(self._mano.absolute())
+        return ("default", "") if self._gltf is None else ("gltf", str(self._gltf.absolute()))
+
+    def mano(self, hand: Hand) -> MANO | None:
+        """The user's MANO of a hand, if it is to be fitted."""
+        return None if self._mano is None else self._mano_of(hand)
 
     def keep(self, model: HandModel) -> None:
         """Have this model for its hand."""
@@ -86,6 +113,8 @@ class Models:
 
         if self._mano is not None and shape is not None and len(shape):
             return self._mano_of(hand).model(shape, self._limits)
+        if hand not in self._made and self.file is not None:
+            self._made[hand] = self._from_file(self.file, hand)
         if hand not in self._made:
             if self._mano is not None:
                 self._made[hand] = self._mano_of(hand).model(limits=self._limits)
@@ -116,6 +145,18 @@ class Models:
         if self._mano is not None and hand not in self._manos:
             self._manos[hand] = MANO.load(self._mano, hand, tips=self._tips)
         return self._manos[hand]
+
+    def _from_file(self, path: Path, hand: Hand) -> HandModel:
+        from handtrack.hand.hand_file import load_hand, read_hand
+
+        stored = read_hand(path)
+        if stored.hand != hand:
+            raise InputError(f"is a {stored.hand} hand, the sequence is of the {hand} one", path)
+        base = None
+        if self._mano is not None or self._gltf is not None:
+            plain = Models(self._limits, mano=self._mano, mano_tips=self._tips, gltf=self._gltf)
+            base = plain.of(hand, stored.shape)
+        return load_hand(path, base).with_limits(self._limits)
 
     def dressed(self, track: Track) -> Track:
         """A track from a recording with the skin of the model that is named, if one is.

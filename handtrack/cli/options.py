@@ -86,7 +86,8 @@ _TRACKING = {
     "calibrate": click.option(
         "--calibrate/--no-calibrate",
         default=True,
-        help="Take the hand's proportions from the sequence (default), or only its size.",
+        help="Find the subject's hand in the sequence: lengths, palm and axes (default; with"
+        " --hand-model it is fitted as it is); or only its size.",
     ),
     "gate": click.option(
         "--gate/--no-gate",
@@ -152,6 +153,12 @@ _TRACKING = {
 }
 """How to track, by the argument of `handtrack.track` that it sets; `limits` are the model's.
 `track` and `retrack` share them."""
+
+
+def is_default(name: str) -> bool:
+    """Whether the user left an option of the running command out."""
+    source = click.get_current_context().get_parameter_source(name)
+    return source is click.core.ParameterSource.DEFAULT
 
 
 def tracking_options(command: _Command) -> _Command:

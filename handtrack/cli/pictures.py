@@ -57,7 +57,7 @@ def from_cameras(
     videos: tuple[Path, ...],
     reading: Reading,
     models: Models,
-    calibrate: bool,
+    calibrate: bool | str,
     quiet: bool,
 ) -> tuple[list[Sequence], list[Seen], float]:
     """Hands followed in the pictures of calibrated cameras.
@@ -97,7 +97,7 @@ def from_cameras(
             continue
         points = views.sequence()
         model = models.of(views.hand)
-        if calibrate:
+        if calibrate not in (False, "none"):
             model = ht.calibrate(model, points).model
             models.keep(model)
         followed = follow(views, model)

@@ -11,8 +11,9 @@ import click
 
 from handtrack.cli.inputs import Reading, reading_options
 from handtrack.cli.live_view import live_options, live_view
-from handtrack.cli.models import model_options, take_models
+from handtrack.cli.models import hand_model_option, model_options, take_models
 from handtrack.cli.options import (
+    is_default,
     json_option,
     quiet_option,
     recording_options,
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="MCAP file, or a folder.")
 @click.option("--rrd", type=click.Path(path_type=Path), help="Rerun file, or a folder, as well.")
 @model_options
+@hand_model_option
 @tracking_options
 @click.option(
     "--no-repair", is_flag=True, help="Leave hands exchanged that were exchanged for a moment."
@@ -77,6 +79,8 @@ def track(
     settings, recording = take_tracking(options), take_recording(options)
     mano = {name: options[name] for name in ("mano", "mano_tips")}
     models = take_models(options, settings.pop("limits"))
+    if models.file is not None and is_default("calibrate"):
+        settings["calibrate"] = "none"
     reading = Reading(**options, **mano)
     input = inputs[0]
     if camera is not None:
@@ -174,12 +178,24 @@ def track(
         from handtrack.evaluation.report import print_table
 
         print_table(report)
+        for made_track in tracks:
+            _say_calibration(made_track)
         where = " and ".join(map(str, written))
         if len(work) > 1:
             folders = dict.fromkeys(str(path.parent) for path in written)
             where = f"{len(written)} files in {' and '.join(folders)}"
         click.echo(f"tracked {frames:,} frames at {rate:,.0f} frames/s -> {where}")
     show.wait(silent)
+
+
+def _say_calibration(track: Track) -> None:
+    """How well the calibrated hand explains its input, and how well any hand could."""
+    found = track.settings.get("calibration")
+    if isinstance(found, dict) and "bound_mean_mm" in found:
+        click.echo(
+            f"{track.name}: the calibrated hand leaves {found['residual_mean_mm']:.2f} mm of its"
+            f" input, any hand of rigid bones {found['bound_mean_mm']:.2f} mm"
+        )
 
 
 def _check_fitted(track: Track) -> None:

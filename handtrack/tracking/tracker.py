@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack import __version__
+from handtrack.calibration.calibrate import calibrate as calibrate_hand
+from handtrack.calibration.explain import explain
 from handtrack.errors import InputError, SettingsError
 from handtrack.fitting import bcd, lanes
-from handtrack.fitting.calibrate import calibrate as calibrate_hand
-from handtrack.fitting.calibrate import scale_to
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_JOINTS
 from handtrack.sequences.sequence import Remark, Sequence
@@ -34,6 +34,8 @@ COAST_S = 0.3
 
 # frames that are fitted at once in a whole sequence
 _CHUNK = 256
+# frames by which a calibrated hand is judged
+_EXPLAINED = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,8 +311,9 @@ def track(
     Args:
         sequence: the joints of one hand.
         model: the hand; the free default hand of the sequence's side if left out.
-        calibrate: take bone lengths and palm from the sequence; False only scales the model to
-            it, "none" takes it as it is.
+        calibrate: find the subject's own hand in the sequence, with lengths, palm and axes; or
+            a method of `handtrack.calibrate`; False is "scale", the model's size alone, and
+            "none" takes the model as it is.
         filter, update, min_joints, coast_s, process_noise, couple, lag, noise_mm, engine, gate,
             robust, spread_mm, collisions: as in `Tracker`.
         progress: called with the number of frames done, now and then.
@@ -331,9 +334,19 @@ def track(
             f"the model is a {model.hand} hand, the sequence a {sequence.hand} one",
             sequence.source or None,
         )
+    found: dict[str, Any] = {}
+    notes = list(sequence.notes)
     hand = model
     if calibrate != "none":
-        hand = (calibrate_hand if calibrate else scale_to)(model, sequence).model
+        method = calibrate
+        if isinstance(method, bool):
+            method = "auto" if method else "scale"
+        calibration = calibrate_hand(model, sequence, method)
+        hand = calibration.model
+        notes += calibration.notes
+        found = calibration.summary()
+        if calibration.method in ("full", "lengths"):
+            found |= explain(hand, sequence, _EXPLAINED).summary()
     tracker = Tracker(
         hand,
         filter,
@@ -353,6 +366,7 @@ def track(
     settings = {
         **tracker.settings,
         "calibrate": calibrate,
+        "calibration": found,
         "limits": model.limits.name,
         "model": model.name,
     }
@@ -371,7 +385,7 @@ def track(
         )
 
     frames: list[TrackedFrame] = []
-    events = [Event(int(sequence.time_ns[0]), "warning", note) for note in sequence.notes]
+    events = [Event(int(sequence.time_ns[0]), "warning", note) for note in notes]
     untold, before = list(events), None
     for new in _stretches(tracker, sequence):
         told = sorted(

@@ -1,7 +1,7 @@
-"""A subject's own hand, from a sequence: bone lengths and the palm's shape.
+"""A subject's proportions by medians: bone lengths and the palm's shape.
 
-First version: robust medians of the bone lengths, and the palm (wrist and the five finger
-bases) by generalised Procrustes analysis. Joint axes stay the model's.
+Quick and robust. Joint axes stay the model's; `calibrate` starts here, and stays here where
+there is too little for more.
 """
 
 from __future__ import annotations
@@ -9,13 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from handtrack.errors import InputError
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import reshaped
 from handtrack.hand.skeleton import BASES, BONES, JOINT_NAMES, PALM
-from handtrack.sequences.sequence import Sequence
 
 Array = NDArray[np.float64]
 
@@ -24,84 +23,48 @@ _MIN_FRAMES = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
-    """What a sequence says of a hand.
+class Proportions:
+    """What medians say of a hand.
 
     Attributes:
-        model: the hand with the subject's proportions.
+        scaled: the prior at the subject's size.
+        model: the prior with the subject's bone lengths and palm; its axes are the prior's.
         scale: size of the subject's hand over the prior's.
-        noise: noise of the joints seen in the sequence [m per coordinate]; 0 if too short.
-        frames: frames that were used.
         kept: names of the joints whose bone, or place in the palm, was never seen, so that
             the scaled prior's was kept.
+        unseen: names of the joints whose bone was never seen.
     """
 
+    scaled: HandModel
     model: HandModel
     scale: float
-    noise: float
-    frames: int
     kept: tuple[str, ...]
+    unseen: tuple[str, ...]
 
 
-def noise_level(joints: ArrayLike) -> float:
-    """Standard deviation of the joints' noise per coordinate, from third differences.
-
-    Motion hardly shows in third differences, white noise of deviation s does with
-    s * sqrt(20); the median makes it robust.
+def proportions(model: HandModel, joints: Array, noise: float, source: str = "") -> Proportions:
+    """Robust medians of the bone lengths, and the palm by generalised Procrustes analysis.
 
     Args:
-        joints: (T, 21, 3), any unit; NaN = missing.
-
-    Returns:
-        The deviation in that unit; 0 where there are fewer than four complete frames.
-    """
-    d = np.abs(np.diff(np.asarray(joints, dtype=np.float64), n=3, axis=0))
-    d = d[np.isfinite(d)]
-    # 1.4826 makes the median absolute deviation a normal's standard deviation
-    return float(1.4826 * np.median(d) / np.sqrt(20.0)) if d.size else 0.0
-
-
-def scale_to(model: HandModel, sequence: Sequence) -> Calibration:
-    """The model scaled to a sequence's hand, its proportions kept.
+        model: the prior; what the joints do not show stays as it is there, scaled.
+        joints: (T, 21, 3) of one hand [m]; NaN = missing.
+        noise: standard deviation of the joints per coordinate [m].
+        source: for the error.
 
     Raises:
         InputError: no bone was seen in at least three frames.
     """
-    noise = noise_level(sequence.joints)
-    lengths = _bone_lengths(sequence.joints, noise)
-    return _scaled(model, sequence, lengths, noise)
-
-
-def _scaled(model: HandModel, sequence: Sequence, lengths: Array, noise: float) -> Calibration:
+    lengths = _bone_lengths(joints, noise)
     seen = np.isfinite(lengths)
     if not seen.any():
         raise InputError(
             f"no bone is seen in {_MIN_FRAMES} frames or more, so the hand's size is unknown",
-            sequence.source or None,
+            source or None,
         )
     scale = float(np.median(lengths[seen] / model.bone_lengths[seen]))
-    kept = tuple(JOINT_NAMES[1 + b] for b in np.flatnonzero(~seen))
-    return Calibration(model.scaled(scale), scale, noise, len(sequence), kept)
-
-
-def calibrate(model: HandModel, sequence: Sequence) -> Calibration:
-    """Bone lengths and palm of the hand in a sequence.
-
-    Args:
-        model: the prior; what the sequence does not show stays as it is there, scaled.
-        sequence: frames of one hand; joints may be missing.
-
-    Returns:
-        The calibrated hand, in the prior's root frame, with the prior's axes and limits.
-
-    Raises:
-        InputError: no bone was seen in at least three frames.
-    """
-    noise = noise_level(sequence.joints)
-    lengths = _bone_lengths(sequence.joints, noise)
-    prior = _scaled(model, sequence, lengths, noise)
-    rest = prior.model.rest_joints
-    palm, seen = _palm_shape(sequence.joints, rest)
+    scaled = model.scaled(scale)
+    rest = scaled.rest_joints
+    palm, placed = _palm_shape(joints, rest)
     new = rest.copy()
     new[PALM] = palm
     # each finger keeps its direction and takes the measured lengths
@@ -112,10 +75,16 @@ def calibrate(model: HandModel, sequence: Sequence) -> Calibration:
             if np.isfinite(length):
                 bone = bone * (length / np.linalg.norm(bone))
             new[k] = new[k - 1] + bone
-    unseen = set(prior.kept) - {JOINT_NAMES[b] for b in BASES}
-    unseen |= {JOINT_NAMES[j] for j, ok in zip(PALM, seen, strict=True) if not ok}
-    kept = tuple(name for name in JOINT_NAMES if name in unseen)
-    return Calibration(reshaped(model, new), prior.scale, noise, len(sequence), kept)
+    unseen = {JOINT_NAMES[1 + b] for b in np.flatnonzero(~seen)}
+    kept = unseen - {JOINT_NAMES[b] for b in BASES}
+    kept |= {JOINT_NAMES[j] for j, ok in zip(PALM, placed, strict=True) if not ok}
+    return Proportions(
+        scaled,
+        reshaped(model, new),
+        scale,
+        tuple(name for name in JOINT_NAMES if name in kept),
+        tuple(name for name in JOINT_NAMES if name in unseen),
+    )
 
 
 def _bone_lengths(joints: Array, noise: float) -> Array:

@@ -1,4 +1,4 @@
-"""A subject's hand found again in synthetic motion whose hand is known."""
+"""A subject's proportions found again in synthetic motion whose hand is known."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fit_cases import distances
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
+from handtrack.calibration.calibrate import calibrate as calibrate_by
+from handtrack.calibration.noise import noise_level
 from handtrack.errors import InputError
 from handtrack.fitting.bcd import fit
-from handtrack.fitting.calibrate import calibrate, noise_level, scale_to
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import BASES, HANDS, JOINT_NAMES, PALM
 from handtrack.sequences.sequence import Sequence
@@ -22,6 +22,15 @@ from handtrack.sequences.sequence import Sequence
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 
 import make_sample
+
+
+def calibrate(model: HandModel, given: Sequence):
+    return calibrate_by(model, given, "proportions")
+
+
+def scale_to(model: HandModel, given: Sequence):
+    return calibrate_by(model, given, "scale")
+
 
 FINGER_BONES = np.setdiff1d(np.arange(20), BASES - 1)
 
@@ -144,7 +153,12 @@ def test_the_calibrated_hand_fits_better():
     exact, scaled = calibrate(prior, seq).model, scale_to(prior, seq).model
     frames = seq.joints[::20]
     errors = [
-        np.mean([distances(fit(model, joints).joints, joints).mean() for joints in frames])
+        np.mean(
+            [
+                np.linalg.norm(fit(model, joints).joints - joints, axis=-1).mean()
+                for joints in frames
+            ]
+        )
         for model in (exact, scaled)
     ]
     assert errors[0] < 0.6 * errors[1]

@@ -1,0 +1,1 @@
+"""A subject's own hand: lengths, palm and joint axes from sequences, and what is attainable."""

@@ -1,0 +1,308 @@
+"""A subject's own hand, from sequences of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.calibration.bundle import Clip, Poses, Solution, solve
+from handtrack.calibration.chains import SIZE, Chains
+from handtrack.calibration.frames import MIN_SEEN, Material, chosen, poses_of
+from handtrack.calibration.freedoms import DRIFT, FEW, Freedoms, freedoms, shape
+from handtrack.calibration.proportions import Proportions, proportions
+from handtrack.errors import InputError, SettingsError
+from handtrack.hand.model import HandModel
+from handtrack.hand.reshape import reshaped
+from handtrack.hand.skeleton import ANGLE_NAMES
+from handtrack.sequences.sequence import Sequence
+
+Array = NDArray[np.float64]
+
+METHODS = ("auto", "full", "lengths", "proportions", "scale")
+FRAMES = 120
+"""How many frames of a clip the bundle adjustment takes."""
+MIN_FRAMES = 10
+"""A full calibration from fewer frames would be a guess."""
+
+# angles are expected to be this far from the relaxed hand, and outside their limits [rad]
+_LOOSE = np.deg2rad([180.0, 75.0, 180.0, 180.0])
+_STRICT = np.deg2rad(3.0)
+# joints are not better known than this [m], nor hands more rigid
+_FLOOR = 3e-4
+# the first round: frames, noise [m], steps
+_FIRST, _FIRST_NOISE, _FIRST_STEPS = 40, 1e-3, 8
+# strays begin at so many median distances, and not below [m]
+_STRAYS, _STRAYS_LEAST = 4.0, 5e-3
+# an axis is sought where its angle's standard deviation over the frames is at least this [rad],
+# and so many times that of its error
+_MOVING, _CLEARLY = np.deg2rad(1.5), 1.5
+# median distance of three normal coordinates; coordinates a frame has, and is left
+_MEDIAN_DISTANCE = 1.5382
+_FREE_SHARE = 37.0 / 63.0
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What sequences say of a hand.
+
+    Attributes:
+        model: the hand with what was found.
+        method: "full" (joints and axes), "lengths" (joints, axes kept), "proportions" (medians
+            of lengths and palm) or "scale" (size alone).
+        scale: size of the subject's hand over the prior's.
+        noise: noise of the joints seen in the sequences [m per coordinate]; 0 if too short.
+        frames: frames that were used.
+        kept: names of the joints whose bone, or place in the palm, was never seen, so that
+            the scaled prior's was kept.
+        kept_axes: names of the angles whose axes the prior's were kept: all where the method
+            does not seek them, else those that too little motion shows.
+        drift: for each sequence that was used, greatest change of a bone's length against the
+            subject's hand [m]; one sequence does not drift.
+        notes: what the user should know, one line each.
+    """
+
+    model: HandModel
+    method: str
+    scale: float
+    noise: float
+    frames: int
+    kept: tuple[str, ...] = ()
+    kept_axes: tuple[str, ...] = ANGLE_NAMES
+    drift: tuple[float, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def summary(self) -> dict[str, object]:
+        """What was found, as plain JSON values."""
+        return {
+            "method": self.method,
+            "frames": self.frames,
+            "scale": self.scale,
+            "noise_mm": 1e3 * self.noise,
+            "kept_joints": list(self.kept),
+            "kept_axes": list(self.kept_axes),
+            "drift_mm": [1e3 * d for d in self.drift],
+        }
+
+
+def calibrate(
+    model: HandModel,
+    sequences: Sequence | Iterable[Sequence],
+    method: str = "auto",
+    frames: int = FRAMES,
+) -> Calibration:
+    """The hand of a subject.
+
+    The full calibration finds what is constant together with the pose of every frame: where
+    the fingers start, their bones' lengths, the axes of all joints, and bones that are not at
+    right angles to their hinge, drawn to the prior hand at the subject's size and robust to
+    strays (a sparse bundle adjustment). Noisy joints are smoothed first. Of several sequences
+    the axes are shared, and lengths may drift a little from one to the next.
+
+    Args:
+        model: the prior; what the sequences do not show stays as it is there, scaled. The
+            calibration minds its limits.
+        sequences: one or more of the same hand of the same subject; joints may be missing.
+        method: "full"; "lengths" keeps the axes as the model has them; "proportions" takes
+            medians of lengths and palm, and "scale" the size alone; "auto" is full where there
+            are frames enough, else proportions.
+        frames: how many frames of each sequence to look at closely: those that differ most.
+
+    Returns:
+        The calibrated hand, in the prior's root frame, with the prior's limits.
+
+    Raises:
+        InputError: a sequence is of the other hand, no bone was seen in at least three frames,
+            or there are fewer than ten frames for a full calibration.
+        SettingsError: an unknown method, or no sequence.
+    """
+    given = [sequences] if isinstance(sequences, Sequence) else list(sequences)
+    if method not in METHODS:
+        raise SettingsError(f"method {method!r} is unknown, expected one of {', '.join(METHODS)}")
+    if not given:
+        raise SettingsError("no sequence to calibrate from")
+    if frames < MIN_FRAMES:
+        raise SettingsError(f"frames is {frames}, expected at least {MIN_FRAMES}")
+    for sequence in given:
+        if sequence.hand != model.hand:
+            raise InputError(
+                f"the model is a {model.hand} hand, the sequence a {sequence.hand} one",
+                sequence.source or None,
+            )
+    materials = [Material.of(sequence) for sequence in given]
+    noise = float(np.sqrt(np.mean([m.noise**2 for m in materials])))
+    joints = np.concatenate([sequence.joints for sequence in given])
+    found = proportions(model, joints, noise, given[0].source)
+    usable = sum(map(len, materials))
+    if method == "scale":
+        return _plain(found.scaled, "scale", found, noise, len(joints), found.unseen)
+    if method == "proportions":
+        return _plain(found.model, "proportions", found, noise, len(joints), found.kept)
+    if usable < MIN_FRAMES:
+        short = (
+            f"{usable} frames with {MIN_SEEN} joints or more, a full calibration needs {MIN_FRAMES}"
+        )
+        if method != "auto":
+            raise InputError(short, given[0].source or None)
+        note = f"only lengths and palm were calibrated: {short}"
+        return _plain(found.model, "proportions", found, noise, len(joints), found.kept, note)
+    return _bundled(model, found, [m for m in materials if len(m)], noise, method, frames)
+
+
+def _plain(
+    hand: HandModel,
+    method: str,
+    found: Proportions,
+    noise: float,
+    frames: int,
+    kept: tuple[str, ...],
+    *notes: str,
+) -> Calibration:
+    return Calibration(hand, method, found.scale, noise, frames, kept, notes=notes)
+
+
+def _bundled(
+    model: HandModel,
+    found: Proportions,
+    materials: list[Material],
+    noise: float,
+    method: str,
+    frames: int,
+) -> Calibration:
+    """Full calibration, or of lengths alone, from where the medians are."""
+    start = found.model
+    chains = Chains.of(start, _LOOSE, _STRICT)
+    few = sum(map(len, materials)) < FEW
+    moves = freedoms(chains, np.full((5, 4), method != "lengths"), few)
+    picks = [chosen(m.fitted(start), m.weights, frames) for m in materials]
+    few_picks = [pick[:: max(1, len(pick) // _FIRST)] for pick in picks]
+    rough = _Round(chains, start, materials, few_picks, [_FIRST_NOISE] * len(materials))
+    first = rough.solve(moves, np.zeros(moves.n), _FIRST_STEPS, 1e-2)
+    near = _as_model(model, chains, moves.basis @ first.free[: moves.n])
+    fine = _Round(chains, near, materials, picks, rough.misfits(moves, first))
+    solution = fine.solve(moves, first.free[: moves.n])
+    if method != "lengths":
+        known = _known(solution)
+        if not known.all():
+            fewer = freedoms(chains, known, few)
+            shared = moves.basis @ solution.free[: moves.n]
+            where = np.asarray(np.linalg.lstsq(fewer.basis, shared)[0])
+            moves, solution = fewer, fine.solve(fewer, where)
+    hand = _as_model(model, chains, moves.basis @ solution.free[: moves.n])
+    kept_axes = [n for n, t in zip(ANGLE_NAMES, moves.twists.ravel(), strict=True) if t < 0]
+    return Calibration(
+        hand,
+        "lengths" if method == "lengths" else "full",
+        found.scale,
+        noise,
+        fine.frames,
+        found.kept,
+        tuple(kept_axes),
+        fine.drifts(moves, solution),
+    )
+
+
+def _as_model(model: HandModel, chains: Chains, shared: Array) -> HandModel:
+    """The hand of constants (100,), with the skin carried along."""
+    base, bones, axes = chains.constants(shared.reshape(5, SIZE))
+    fingers = np.concatenate([base[:, None], bones], 1).cumsum(1)
+    wrist = chains.wrist
+    return reshaped(model, np.vstack([wrist, wrist + fingers.reshape(20, 3)]), axes.reshape(20, 3))
+
+
+class _Round:
+    """Chosen frames of each clip, and the hand's poses in them to start from."""
+
+    def __init__(
+        self,
+        chains: Chains,
+        start: HandModel,
+        materials: list[Material],
+        picks: list[NDArray[np.int64]],
+        noises: list[float],
+    ):
+        self.chains, self.frames = chains, sum(map(len, picks))
+        self._targets: list[Array] = []
+        self._weights: list[Array] = []
+        self._poses: list[Poses] = []
+        self._noise: list[float] = []
+        self._spread: list[float] = []
+        for material, pick, noise in zip(materials, picks, noises, strict=True):
+            fits = material.fitted(start)
+            off = np.linalg.norm(fits.joints - material.joints, axis=-1)
+            self._targets.append(np.nan_to_num(material.joints[pick]))
+            self._weights.append(material.weights[pick])
+            self._poses.append(poses_of(start, fits, pick))
+            self._noise.append(max(_FLOOR, material.left, noise))
+            self._spread.append(max(_STRAYS_LEAST, _STRAYS * float(np.nanmedian(off))))
+
+    def _clips(self, moves: Freedoms) -> tuple[list[Clip], Array]:
+        """The clips, each with a drift of its own where there are several, and the prior."""
+        n, clips = moves.n, len(self._targets)
+        drift, _ = shape(self.chains)
+        m = drift.shape[1] if clips > 1 else 0
+        precision = np.zeros((n + m * clips,) * 2)
+        precision[:n, :n] = moves.precision
+        k = np.arange(n, n + m * clips)
+        precision[k, k] = 1.0 / DRIFT**2
+        made = []
+        for i in range(clips):
+            basis = np.zeros((5 * SIZE, n + m * clips))
+            basis[:, :n] = moves.basis
+            if m:
+                basis[:, n + i * m : n + (i + 1) * m] = drift
+            made.append(
+                Clip(
+                    self.chains,
+                    self._targets[i],
+                    self._weights[i],
+                    np.zeros((5, SIZE)),
+                    basis,
+                    self._noise[i],
+                    self._spread[i],
+                )
+            )
+        return made, precision
+
+    def solve(
+        self, moves: Freedoms, free: Array, max_steps: int = 40, tolerance: float = 2e-4
+    ) -> Solution:
+        """The bundle adjustment from the last poses, and from `free` (n,) without drift."""
+        clips, precision = self._clips(moves)
+        start = np.zeros(len(precision))
+        start[: moves.n] = free
+        solution = solve(clips, precision, start, self._poses, max_steps, tolerance)
+        self._poses = solution.poses
+        return solution
+
+    def misfits(self, moves: Freedoms, solution: Solution) -> list[float]:
+        """How far joints are from what the hand explains, as a noise per coordinate [m]."""
+        clips, _ = self._clips(moves)
+        out = []
+        for clip, poses in zip(clips, solution.poses, strict=True):
+            d = clip.distances(solution.free, poses)[clip.weights > 0]
+            out.append(float(np.median(d)) / _MEDIAN_DISTANCE / np.sqrt(_FREE_SHARE))
+        return out
+
+    def drifts(self, moves: Freedoms, solution: Solution) -> tuple[float, ...]:
+        clips, _ = self._clips(moves)
+        if len(clips) == 1:
+            return (0.0,)
+
+        def lengths(shared: Array) -> Array:
+            bones = self.chains.constants(shared.reshape(5, SIZE))[1]
+            return np.asarray(np.linalg.norm(bones, axis=-1))
+
+        own = lengths(moves.basis @ solution.free[: moves.n])
+        return tuple(
+            float(np.abs(lengths(clip.basis @ solution.free) - own).max()) for clip in clips
+        )
+
+
+def _known(solution: Solution) -> NDArray[np.bool_]:
+    """(5, 4) which axes the frames tell about: those of angles that move, and not by noise."""
+    angles = np.concatenate([poses.local for poses in solution.poses])
+    least = np.maximum(_CLEARLY * np.sqrt(np.median(solution.variance, 0)), _MOVING)
+    return np.asarray(angles.std(0) > least)

@@ -1,0 +1,150 @@
+"""What a hand leaves unexplained of a sequence, and what any hand of rigid bones must leave."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.calibration.balls import Balls
+from handtrack.calibration.bundle import Clip, Poses, solve
+from handtrack.calibration.chains import SIZE, Chains
+from handtrack.calibration.frames import Material, poses_of, sound
+from handtrack.errors import InputError
+from handtrack.hand.model import HandModel
+from handtrack.sequences.sequence import Sequence
+
+Array = NDArray[np.float64]
+
+FRAMES = 200
+"""Of a longer clip so many frames are looked at, evenly spread."""
+
+# noise of the joints [m]: the unit of the weak priors that keep what nothing observes
+_NOISE = 1e-3
+# a thousandth of the mean square is a twentieth of a percent of a residual
+_TOLERANCE = 1e-3
+# no pose is expected, and no limit holds
+_ANY = np.full(4, 1e3)
+
+
+@dataclass(frozen=True)
+class Residual:
+    """Distances of observed joints to explained ones [m]: mean, and root of the mean square."""
+
+    mean: float
+    rms: float
+
+    @staticmethod
+    def of(distances: Array) -> Residual:
+        """Of distances of all joints that were seen."""
+        return Residual(float(distances.mean()), float(np.sqrt(np.square(distances).mean())))
+
+
+@dataclass(frozen=True)
+class Explained:
+    """How well a hand explains sequences, by least squares frame by frame.
+
+    The three differ in what is free, so each is at most the one before it (in the mean square,
+    which is what is minimised). What the bound leaves is no hand's fault: bones change their
+    lengths in the data. What lies between it and `unlimited` is the model's, what lies between
+    that and `fitted` is poses outside the limits.
+
+    Attributes:
+        fitted: as `fit` does, inside the limits.
+        unlimited: the same hand without limits.
+        bound: palm rigid and bone lengths constant, but chosen for these sequences; every joint
+            a free ball.
+        frames: frames that were looked at.
+    """
+
+    fitted: Residual
+    unlimited: Residual
+    bound: Residual
+    frames: int
+
+    def summary(self) -> dict[str, object]:
+        """The numbers, in millimetres, as plain JSON values."""
+        return {
+            f"{name}_{kind}_mm": 1e3 * getattr(getattr(self, field), kind)
+            for name, field in (("residual", "fitted"), ("unlimited", "unlimited"), ("bound",) * 2)
+            for kind in ("mean", "rms")
+        }
+
+
+def explain(
+    model: HandModel, sequences: Sequence | Iterable[Sequence], frames: int = FRAMES
+) -> Explained:
+    """How well a hand explains sequences, and how well any hand could.
+
+    Args:
+        model: the subject's hand.
+        sequences: one or more of this hand; frames with few joints or that fit very badly are
+            left out.
+        frames: how many frames of each to look at.
+
+    Raises:
+        InputError: no sequence has a frame with at least 12 joints.
+    """
+    given = [sequences] if isinstance(sequences, Sequence) else list(sequences)
+    parts = [_explained(model, Material.of(s, smooth=False), frames) for s in given]
+    parts = [part for part in parts if len(part[0])]
+    if not parts:
+        where = given[0].source if given else ""
+        raise InputError("no frame has 12 joints, so the hand is not explained", where or None)
+    fitted, unlimited, bound, counts = zip(*parts, strict=True)
+    return Explained(
+        Residual.of(np.concatenate(fitted)),
+        Residual.of(np.concatenate(unlimited)),
+        Residual.of(np.concatenate(bound)),
+        sum(counts),
+    )
+
+
+def _explained(
+    model: HandModel, material: Material, frames: int
+) -> tuple[Array, Array, Array, int]:
+    """Distances of all joints seen in a clip, three times, and the number of frames."""
+    nothing = np.zeros(0)
+    if not len(material):
+        return nothing, nothing, nothing, 0
+    fits = material.fitted(model)
+    index = sound(fits, material.weights)
+    if len(index) > frames:
+        index = index[np.linspace(0, len(index) - 1, frames).astype(np.int64)]
+    joints = material.joints[index]
+    seen = np.isfinite(joints[..., 0])
+    targets, weights = np.nan_to_num(joints), seen.astype(np.float64)
+    fitted = np.linalg.norm(fits.joints[index] - joints, axis=-1)[seen]
+    start = poses_of(model, fits, index)
+    none = np.zeros((5 * SIZE, 0)), np.zeros((0, 0))
+    chains = Chains.of(model, _ANY, np.inf)
+    clip = Clip(chains, targets, weights, np.zeros((5, SIZE)), none[0], _NOISE)
+    free = solve([clip], none[1], nothing, [start], tolerance=_TOLERANCE)
+    unlimited = clip.distances(nothing, free.poses[0])[seen]
+    return fitted, unlimited, _bound(model, targets, seen, start), len(index)
+
+
+def _bound(model: HandModel, targets: Array, seen: NDArray[np.bool_], start: Poses) -> Array:
+    """Distances of the joints seen to the nearest hand with balls for joints."""
+    fingers = (model.rest_joints[1:] - model.rest_joints[0]).reshape(5, 4, 3)
+    lengths = np.linalg.norm(np.diff(fingers, axis=1), axis=-1)
+    constants = np.concatenate([fingers[:, 0], lengths], 1)
+    hand = Chains.of(model, _ANY, np.inf).points(np.zeros((5, SIZE)), start.local)
+    # bones point as they are seen; one without an end as the hand's
+    bones = np.diff(hand, axis=2)
+    there = seen[:, 1:].reshape(-1, 5, 4)
+    both = there[:, :, 1:] & there[:, :, :-1]
+    found = np.diff(targets[:, 1:].reshape(-1, 5, 4, 3), axis=2) @ start.rotation[:, None]
+    both &= np.linalg.norm(found, axis=-1) > 1e-6
+    bones = np.where(both[..., None], found, bones)
+    poses = Poses(
+        bones / np.linalg.norm(bones, axis=-1, keepdims=True), start.rotation, start.translation
+    )
+    n = constants.size
+    # the root frame's own place, and what is never seen, stay where they are
+    precision = np.eye(n)
+    clip = Clip(Balls(), targets, seen.astype(np.float64), constants, np.eye(n), _NOISE)
+    best = solve([clip], precision, np.zeros(n), [poses], tolerance=_TOLERANCE)
+    return clip.distances(best.free, best.poses[0])[seen]

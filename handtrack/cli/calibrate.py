@@ -1,0 +1,173 @@
+"""handtrack calibrate."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handtrack.cli.inputs import Reading, reading_options
+from handtrack.cli.models import model_options, take_models
+from handtrack.cli.options import json_option, quiet_option
+from handtrack.cli.outputs import check_target
+from handtrack.cli.progress import compiling_said
+from handtrack.errors import InputError, SettingsError
+
+if TYPE_CHECKING:
+    from handtrack import HandModel, Sequence
+    from handtrack.cli.models import Models
+
+
+@click.command(short_help="Find a subject's own hand in sequences and keep it in a file.")
+@click.argument("inputs", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    default=Path("hand.json"),
+    show_default=True,
+    help="The hand's file.",
+)
+@click.option(
+    "--method",
+    type=click.Choice(["full", "lengths", "proportions", "scale"]),
+    default="full",
+    show_default=True,
+    help="Lengths, palm and axes; lengths and palm; medians of those; or the size alone.",
+)
+@click.option(
+    "--limits",
+    type=click.Choice(["anatomical", "li2021"]),
+    default="anatomical",
+    show_default=True,
+    help="Joint limits that the hand is to be used with.",
+)
+@model_options
+@json_option
+@quiet_option
+@reading_options
+def calibrate(
+    inputs: tuple[Path, ...],
+    output: Path,
+    method: str,
+    limits: str,
+    as_json: bool,
+    quiet: bool,
+    **options: Any,
+) -> None:
+    """Find the hand of one subject: bone lengths, palm and joint axes.
+
+    INPUTS are files or folders as `track` takes them, all of the same hand of the same person:
+    the axes are shared, and lengths may drift a little from one sequence to the next. Use the
+    result with `handtrack track --hand-model hand.json`.
+    """
+    check_target(output, ".json", "-o")
+    given = dict(options)
+    models = take_models(options, limits)
+    mano = {name: given[name] for name in ("mano", "mano_tips")}
+    reading = Reading(**options, **mano)
+    sequences = [s for path in inputs for s in reading.load(path, quiet or as_json)]
+    _check_one_subject(sequences)
+    with compiling_said(quiet or as_json):
+        from handtrack.fitting.bcd import warm_up
+
+        warm_up()
+        hand, found, notes = _calibrated(models, sequences, method)
+        from handtrack.calibration.explain import explain
+
+        found |= explain(hand, sequences).summary()
+    from handtrack import __version__
+    from handtrack.hand.hand_file import save_hand
+
+    sources = [s.source or s.name for s in sequences]
+    base, base_file = models.base
+    save_hand(hand, output, found | {"sources": sources, "by": __version__}, base, base_file)
+    if as_json:
+        result = found | {
+            "hand": hand.hand,
+            "sources": sources,
+            "output": str(output),
+            "warnings": [f"{s.name}: {note}" for s in sequences for note in s.notes] + notes,
+        }
+        click.echo(json.dumps(result, indent=2, allow_nan=False))
+    elif not quiet:
+        for note in notes:
+            click.echo(f"warning: {note}", err=True)
+        _say(hand, found, sequences)
+        click.echo(f"-> {output}")
+
+
+def _check_one_subject(sequences: list[Sequence]) -> None:
+    """Refuse sequences that cannot be of one hand.
+
+    Raises:
+        InputError: they are of both hands, of several people, or one file holds several.
+    """
+    hands = {s.hand for s in sequences}
+    if len(hands) > 1:
+        raise InputError("left and right hands are in the input: choose one with --hand")
+    subjects = sorted({s.subject for s in sequences if s.subject})
+    if len(subjects) > 1:
+        raise InputError(f"several subjects are in the input: {', '.join(subjects)}")
+    seen: set[str] = set()
+    for sequence in sequences:
+        if sequence.source and sequence.source in seen:
+            raise InputError(
+                f"holds several {sequence.hand} hands, a calibration is of one", sequence.source
+            )
+        seen.add(sequence.source)
+
+
+def _calibrated(
+    models: Models, sequences: list[Sequence], method: str
+) -> tuple[HandModel, dict[str, object], list[str]]:
+    """The hand, what was found as JSON values, and what the user should know."""
+    import handtrack as ht
+
+    hand = sequences[0].hand
+    mano = models.mano(hand)
+    if mano is None:
+        result = ht.calibrate(models.of(hand), sequences, method)
+        return result.model, result.summary(), list(result.notes)
+    from handtrack.fitting.mano_shape import mano_shape
+
+    if len(sequences) > 1:
+        raise SettingsError("MANO's shape is found in one sequence: give one input")
+    if method != "full":
+        raise SettingsError(f"--method {method} is not for MANO, whose shape is its own")
+    shape = mano_shape(mano, sequences[0], models.limits)
+    found: dict[str, object] = {
+        "method": "mano",
+        "frames": shape.frames,
+        "betas": shape.betas.tolist(),
+        "betas_deviation": shape.deviation.tolist(),
+    }
+    return shape.model, found, []
+
+
+def _say(hand: HandModel, found: dict[str, Any], sequences: list[Sequence]) -> None:
+    clips = f"{len(sequences)} sequences" if len(sequences) > 1 else sequences[0].name
+    line = f"{hand.hand} hand from {found['frames']} frames of {clips}"
+    if "scale" in found:
+        line += f": {found['scale']:.3f} times the model's size, input noise"
+        line += f" {found['noise_mm']:.2f} mm"
+    click.echo(line)
+    click.echo(
+        f"residual {found['residual_mean_mm']:.2f} mm (rms {found['residual_rms_mm']:.2f}),"
+        f" without limits {found['unlimited_mean_mm']:.2f} ({found['unlimited_rms_mm']:.2f});"
+        f" any hand of rigid bones leaves {found['bound_mean_mm']:.2f}"
+        f" ({found['bound_rms_mm']:.2f})"
+    )
+    for what, key in (("joints", "kept_joints"), ("axes", "kept_axes")):
+        if found.get(key):
+            click.echo(f"{what} that the frames do not show stay the model's: " + _list(found[key]))
+    drift = found.get("drift_mm", [])
+    if len(drift) > 1:
+        lengths = ", ".join(f"{s.name} {d:.1f}" for s, d in zip(sequences, drift, strict=False))
+        click.echo(f"largest drift of a bone's length [mm]: {lengths}")
+
+
+def _list(names: list[str]) -> str:
+    return "all" if len(names) == 20 else ", ".join(names)
