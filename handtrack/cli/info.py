@@ -69,6 +69,8 @@ def _print(about: dict[str, Any]) -> None:
 def _short(value: Any) -> str:
     if isinstance(value, dict):
         return f"({', '.join(f'{k} {_short(v)}' for k, v in value.items())})"
+    if isinstance(value, list) and len(value) > 6:
+        return f"({len(value)} of them)"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 

@@ -35,22 +35,12 @@ def input_of(stored: Track) -> Sequence:
         name=stored.name,
         source=stored.source,
         subject=stored.subject,
-        remarks=tuple(_remarks(stored)),
+        remarks=tuple(Remark(*remark) for remark in _listed(stored.settings.get("remarks"))),
     )
 
 
-def _remarks(stored: Track) -> list[Remark]:
-    """An event whose words are among the reasons of its frame tells of what was done to it."""
-    frame = {int(time): t for t, time in enumerate(stored.time_ns)}
-    reasons = [reason.split("; ") for reason in stored.reason.tolist()]
-    found = []
-    for event in stored.events:
-        first = last = frame.get(event.time_ns, len(stored))
-        while last < len(stored) and event.text in reasons[last]:
-            last += 1
-        if last > first:
-            found.append(Remark(event.time_ns, int(stored.time_ns[last - 1]), event.text))
-    return found
+def _listed(value: object) -> list[list[Any]]:
+    return value if isinstance(value, list) else []
 
 
 def settings_of(stored: Track) -> dict[str, Any]:

@@ -370,6 +370,9 @@ def track(
         "limits": model.limits.name,
         "model": model.name,
     }
+    if sequence.remarks:
+        # what was done to the input is not seen in it, and belongs to the result
+        settings["remarks"] = [[r.first_ns, r.last_ns, r.text] for r in sequence.remarks]
 
     def made(part: slice, frames: list[TrackedFrame], events: list[Event]) -> Track:
         return track_of_frames(

@@ -20,6 +20,7 @@ def gaps(sample) -> ht.Sequence:
     """The sample with gaps, notes and remarks."""
     joints = sample.joints.copy()
     joints[40:46] = np.nan
+    joints[60, 8] += 0.2  # rejected, and said in words like those of a remark
     joints[100:140, 5:] = np.nan
     return dataclasses.replace(
         sample,
@@ -47,6 +48,8 @@ def same(a: ht.Track, b: ht.Track) -> list[str]:
 @pytest.mark.parametrize("name", FILTERS)
 def test_with_its_own_settings_it_is_the_same(name, gaps):
     first = ht.track(gaps, filter=name, coast_s=0.1)
+    assert first.rejected[60, 8]
+    assert any("rejected" in event.text for event in first.events)
     again = retrack(first)
     assert same(first, again) == []
     assert difference(first, again).same
