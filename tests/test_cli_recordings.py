@@ -174,6 +174,24 @@ def test_following_a_complete_recording(call, recording):
     assert json.loads(out.splitlines()[0])["frame_index"] == 59
 
 
+def test_a_part_is_read_like_a_recording(call, recording):
+    data = recording.read_bytes()
+    Path("run.mcap.part").write_bytes(data[: len(data) // 2])
+    for command in (
+        ("stability", "run.mcap.part", "--json"),
+        ("replay", "run.mcap.part", "--save", "run.rrd"),
+        ("export", "run.mcap.part", "run.csv"),
+        ("retrack", "run.mcap.part", "-o", "again.mcap"),
+        ("info", "run.mcap.part"),
+    ):
+        status, out, err = call(*command)
+        assert status == 0, err
+        assert "ends in the middle of its data" in out + err
+    status, _, err = call("track", "run.mcap.part", "-o", "tracked.mcap")
+    assert status == 2
+    assert "'handtrack recover' makes a whole one" in err
+
+
 def test_recover(call, recording):
     data = recording.read_bytes()
     Path("run.mcap.part").write_bytes(data[: len(data) // 2])

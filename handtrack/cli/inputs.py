@@ -274,7 +274,7 @@ def _is_recording(path: Path) -> bool:
     from handtrack.recording.mcap_walk import Walk
     from handtrack.recording.mcap_write import METADATA
 
-    if path.suffix != ".mcap" or not path.is_file():
+    if path.suffix not in (".mcap", ".part") or not path.is_file():
         return False
     walk = Walk(path)
     # our metadata stands before the first message

@@ -130,5 +130,7 @@ def _damage(path: Path) -> Iterator[None]:
     ) as error:
         detail = " ".join(str(error).split()) or type(error).__name__
         raise InputError(
-            f"the MCAP file is damaged or cut short ({type(error).__name__}: {detail[:100]})", path
+            f"the MCAP file is damaged or cut short ({type(error).__name__}: {detail[:100]});"
+            " 'handtrack recover' makes a whole one of a recording of handtrack",
+            path,
         ) from None
