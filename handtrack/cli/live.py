@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handtrack.cli.live_view import connect_option
-from handtrack.cli.models import Models, model_options, take_models
+from handtrack.cli.models import Models, hand_model_option, model_options, take_models
 from handtrack.cli.options import (
     json_option,
     quiet_option,
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 @click.option("--order", metavar="NAME", help="Joint order, where the joints do not say.")
 @click.option("--model", type=click.Path(path_type=Path), help="A hand_landmarker.task.")
 @model_options
+@hand_model_option
 @tracking_options
 @recording_options
 @json_option
@@ -168,6 +169,8 @@ def _tracker(models: Models, hand: Hand, size: float, settings: dict[str, Any]) 
     from handtrack import HandModel, Tracker
 
     model = models.of(hand)
+    if models.file is not None:  # a subject's own hand has its size
+        return Tracker(model, **settings)
     # as large as the hand that is seen
     ratio = size * HandModel.default(hand).size / model.size
     return Tracker(model.scaled(ratio), **settings)
