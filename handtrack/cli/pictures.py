@@ -96,10 +96,11 @@ def from_cameras(
         if reading.hand not in ("auto", views.hand):
             continue
         points = views.sequence()
-        model = models.of(views.hand)
-        if calibrate not in (False, "none"):
-            model = ht.calibrate(model, points).model
-            models.keep(model)
+        model, method = models.subject(points, calibrate)
+        if method != "none":
+            methods: dict[Any, str] = {True: "auto", False: "scale"}
+            model = ht.calibrate(model, points, methods.get(method, method)).model
+        models.keep(model)
         followed = follow(views, model)
         sequences.append(followed.sequence)
         noise.append(followed.noise_mm)

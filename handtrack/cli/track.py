@@ -88,7 +88,8 @@ def track(
             sequences, pictures, noise = from_cameras(
                 camera, inputs, reading, models, settings["calibrate"], quiet or as_json
             )
-        settings |= {"calibrate": False, "noise_mm": noise}
+        settings["calibrate"] = "none"
+        settings["noise_mm"] = settings["noise_mm"] or noise
     elif len(inputs) > 1:
         raise SettingsError("several inputs are views of one scene: they need --camera")
     else:
