@@ -590,9 +590,14 @@ def test_a_full_disk_leaves_nothing_half_written(made, elsewhere):
     assert len(whole) == 40
     done = track(fits // 3)
     assert done.returncode == 1
-    assert done.stderr == "error: a.mcap: cannot be written: File too large\n"
-    assert files(elsewhere) == {"a.mcap"}
+    assert done.stderr.startswith("error: a.mcap: cannot be written: File too large; a.mcap.part")
+    assert done.stderr.count("\n") == 1
+    # the old one stays, and what was written of the new one is not lost
+    assert files(elsewhere) == {"a.mcap", "a.mcap.part"}
     assert len(ht.read_mcap("a.mcap")[0]) == 40
+    with pytest.warns(UserWarning, match=r"a\.mcap\.part"):
+        (part,) = ht.read_mcap("a.mcap.part")
+    assert 0 < len(part) < 40
 
 
 @pytest.mark.skipif(hasattr(os, "geteuid") and os.geteuid() == 0, reason="root may write anywhere")

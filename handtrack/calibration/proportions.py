@@ -52,16 +52,20 @@ def proportions(model: HandModel, joints: Array, noise: float, source: str = "")
         source: for the error.
 
     Raises:
-        InputError: no bone was seen in at least three frames.
+        InputError: no bone was seen in at least three frames, or of fewer in any.
     """
-    lengths = _bone_lengths(joints, noise)
-    seen = np.isfinite(lengths)
-    if not seen.any():
+    lengths = _bone_lengths(joints, noise, _MIN_FRAMES)
+    # the size alone is known from a picture or two as well
+    sizes = lengths if len(joints) >= _MIN_FRAMES else _bone_lengths(joints, 0.0, 1)
+    known = np.isfinite(sizes)
+    if not known.any():
         raise InputError(
-            f"no bone is seen in {_MIN_FRAMES} frames or more, so the hand's size is unknown",
+            f"no bone is seen in {min(_MIN_FRAMES, len(joints))} frames or more, so the hand's"
+            " size is unknown",
             source or None,
         )
-    scale = float(np.median(lengths[seen] / model.bone_lengths[seen]))
+    scale = float(np.median(sizes[known] / model.bone_lengths[known]))
+    seen = np.isfinite(lengths)
     scaled = model.scaled(scale)
     rest = scaled.rest_joints
     palm, placed = _palm_shape(joints, rest)
@@ -87,14 +91,14 @@ def proportions(model: HandModel, joints: Array, noise: float, source: str = "")
     )
 
 
-def _bone_lengths(joints: Array, noise: float) -> Array:
-    """(20,) median length of each bone, cleared of what noise adds; NaN if hardly seen."""
+def _bone_lengths(joints: Array, noise: float, least: int) -> Array:
+    """(20,) median length of each bone, cleared of what noise adds; NaN if seen less often."""
     parent, child = np.array(BONES).T
     d2 = np.square(joints[:, child] - joints[:, parent]).sum(-1)
     out = np.full(len(BONES), np.nan)
     for b in range(len(BONES)):
         x = d2[:, b][np.isfinite(d2[:, b])]
-        if len(x) >= _MIN_FRAMES:
+        if len(x) >= least:
             m = float(np.median(x))
             # noise across the bone lengthens it: 2 coordinates x 2 ends x noise^2
             out[b] = np.sqrt(max(m - 4 * noise**2, 0.25 * m))
