@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -229,6 +230,9 @@ class ViewResults:
         self.covariance = np.empty((n, bcd.N_POSE, bcd.N_POSE))
         self.angles = np.empty((n, N_ANGLES))
         self.roots = np.empty((n, 12))
+        self._of: tuple[HandModel, Sequence[Camera]] | None = None
+        self._packed: tuple[Any, ...] = ()
+        self._numbers = np.empty((0, 0))
 
     def run(
         self,
@@ -250,11 +254,17 @@ class ViewResults:
         """
         from handtrack.fitting.reprojection import fit_views
 
-        limits = model.limits
         self.angles[:], self.roots[:] = angles, roots
+        # frame after frame the same: what is made of them is kept
+        if self._of != (model, cameras):
+            limits = model.limits
+            hand = (model.rest_joints, model.axes, limits.lower, limits.upper)
+            self._packed = (*hand, float(model.thumb_twist))
+            self._numbers = np.stack([camera.numbers for camera in cameras])
+            self._of = (model, cameras)
         fit_views(
-            (model.rest_joints, model.axes, limits.lower, limits.upper, float(model.thumb_twist)),
-            np.stack([camera.numbers for camera in cameras]),
+            self._packed,
+            self._numbers,
             np.ascontiguousarray(pixels),
             np.ascontiguousarray(weights),
             float(spread_px),
