@@ -210,7 +210,7 @@ def test_recover(call, recording):
 def test_a_killed_run_leaves_a_readable_part(sample, tmp_path):
     """Hours of input, killed as soon as the first part of it is recorded."""
     clip = sample.joints[:150]  # before its gap
-    joints = np.concatenate([clip, clip[::-1]] * 150)
+    joints = np.concatenate([clip, clip[::-1]] * 60)
     np.savez(tmp_path / "long.npz", joints_m=joints, fps=30.0)
     command = [sys.executable, "-m", "handtrack", "track", "long.npz", "-o", "run.mcap"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
