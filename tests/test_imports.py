@@ -37,7 +37,7 @@ ALLOWED = {
     "recording": {"", "errors", "hand.skeleton", "hand", "tracking"},
     "video": {
         *("errors", "hand.skeleton", "hand", "sequences", "sequences.sequence"),
-        *("cameras", "fitting", "tracking", "recording"),
+        *("calibration", "cameras", "fitting", "tracking", "recording"),
     },
     "evaluation": {"", "errors", "hand.skeleton", "hand", "sequences.sequence", "tracking"},
 }

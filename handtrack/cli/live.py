@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -81,8 +82,9 @@ def live(
     settings, recording = take_tracking(options), take_recording(options)
     if settings["filter"] == "rts":
         raise SettingsError("--filter rts needs the whole sequence: choose kalman or fixed-lag")
-    settings.pop("calibrate")
+    calibrate = settings.pop("calibrate") is True
     models = take_models(options, settings.pop("limits"))
+    from handtrack import Tracker
     from handtrack.recording.live import LiveViewer
     from handtrack.video.live import LiveCount, RecorderSink, ViewerSink, run_live
 
@@ -97,10 +99,14 @@ def live(
         if not no_view:
             viewer = stack.enter_context(LiveViewer(connect, mesh=recording["mesh"] != "none"))
             sinks.append(ViewerSink(viewer))
+        # a subject's own hand, and MANO's, stay as they are given
+        given = models.file is not None or models.base[0] == "mano"
+        recalibrated = partial(Tracker, **settings) if calibrate and not given else None
         count: LiveCount = run_live(
             (_only(frame, hand) for frame in frames),
             lambda side, size: _tracker(models, side, size, settings),
             sinks,
+            recalibrated=recalibrated,
             dropped=lambda: queue.dropped,
         )
         queue.end()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -12,6 +13,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.calibration.calibrate import Calibration
+from handtrack.calibration.online import OnlineCalibration
 from handtrack.errors import InputError
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import BONES, HANDS, N_JOINTS, Hand
@@ -19,6 +22,7 @@ from handtrack.recording.live import LiveViewer
 from handtrack.recording.recorder import McapRecorder
 from handtrack.sequences.assemble import Given, assemble
 from handtrack.sequences.readers.json_file import read_lines
+from handtrack.tracking.track import Event
 from handtrack.tracking.tracker import TrackedFrame, Tracker, frame_events, track_of_frames
 from handtrack.video.detector import Detector
 from handtrack.video.hand_tracks import HandTracks
@@ -27,7 +31,9 @@ from handtrack.video.media import Picture
 
 Array = NDArray[np.float64]
 
-NAME = "live"
+NAME, CALIBRATED = "live", "live calibrated"
+CALIBRATION_S = 4.0
+"""So much of a hand is seen before it is calibrated [s]."""
 RECORD_NS = 300_000_000
 """So much time waits to be written together [ns]."""
 MIN_BONES = 5
@@ -58,6 +64,9 @@ class Sink(Protocol):
 
     def take(self, frame: TrackedFrame, tracker: Tracker, index: int) -> None:
         """The next frame of the tracker's hand."""
+
+    def say(self, hand: Hand, event: Event) -> None:
+        """Something happened to a hand."""
 
 
 @dataclass
@@ -164,6 +173,7 @@ def run_live(
     make_tracker: Callable[[Hand, float], Tracker],
     sinks: Iterable[Sink],
     *,
+    recalibrated: Callable[[HandModel], Tracker] | None = None,
     dropped: Callable[[], int] = lambda: 0,
 ) -> LiveCount:
     """Track frames as they come, until they end or Ctrl-C.
@@ -176,6 +186,8 @@ def run_live(
         make_tracker: makes a hand's tracker, for a hand whose bones are so many times as long
             as the default model's.
         sinks: where each tracked frame goes.
+        recalibrated: makes the tracker of a hand that was calibrated, beside the tracking, from
+            its first `CALIBRATION_S` seconds. None: the hand stays as it is made.
         dropped: says how many frames the source dropped so far.
     """
     trackers: dict[Hand, Tracker] = {}
@@ -191,6 +203,17 @@ def run_live(
             for sink in targets:
                 sink.take(one, trackers[hand], index)
 
+    def better(hand: Hand, time_ns: int) -> None:
+        """The calibrated hand, once it is there, in place of the one before."""
+        model = calibrations[hand].model()
+        if model is not None and recalibrated is not None:
+            give(hand, trackers[hand].finish())
+            trackers[hand] = recalibrated(model)
+            text = f"hand calibrated for good, from {CALIBRATION_S:g} s of it"
+            for sink in targets:
+                sink.say(hand, Event(time_ns, "info", text))
+
+    calibrations: dict[Hand, _Beside] = {}
     nothing, none = np.full((N_JOINTS, 3), np.nan), np.zeros(N_JOINTS)
     try:
         for frame in frames:
@@ -201,7 +224,13 @@ def run_live(
                     if size is None:
                         continue
                     trackers[hand] = make_tracker(hand, size)
+                    if recalibrated is not None:
+                        calibrations[hand] = _Beside(trackers[hand].model)
                 seen = joints is not None
+                if hand in calibrations:
+                    if joints is not None:
+                        calibrations[hand].take(joints, frame.time_ns, frame.confidence[hand])
+                    better(hand, frame.time_ns)
                 waiting[hand].append(frame.index)
                 new = trackers[hand].push(
                     nothing if joints is None else joints,
@@ -220,6 +249,32 @@ def run_live(
     return count
 
 
+class _Beside:
+    """A hand's calibration in a thread of its own, so that no frame waits for it."""
+
+    def __init__(self, prior: HandModel) -> None:
+        self._online = OnlineCalibration(prior, looks_s=(CALIBRATION_S,))
+        self._pool = ThreadPoolExecutor(1)
+        self._asked: deque[Future[Calibration | None]] = deque()
+        self._done = False
+
+    def take(self, joints: Array, time_ns: int, confidence: Array) -> None:
+        """The next frame."""
+        if not self._done:
+            self._asked.append(self._pool.submit(self._online.take, joints, time_ns, confidence))
+
+    def model(self) -> HandModel | None:
+        """The calibrated hand, once: when it has just been found."""
+        while self._asked and self._asked[0].done():
+            found = self._asked.popleft().result()
+            if found is not None and not self._done:
+                self._done = True
+                self._asked.clear()
+                self._pool.shutdown(wait=False)
+                return found.model
+        return None
+
+
 def size_of(joints: Array, hand: Hand) -> float | None:
     """How many times as large a hand (21, 3) is as the default one; None if hardly seen."""
     parent, child = np.array(BONES).T
@@ -233,7 +288,8 @@ def size_of(joints: Array, hand: Hand) -> float | None:
 class RecorderSink:
     """Into an MCAP recording, a fraction of a second at a time; a context manager.
 
-    Both hands have their place in it from the beginning; one that never comes takes none.
+    Both hands have their places in it from the beginning, before and after they are calibrated,
+    as a hand in a recording does not change; one that never comes takes none.
     """
 
     def __init__(self, path: Path, source: str, choices: dict[str, Any]) -> None:
@@ -245,16 +301,29 @@ class RecorderSink:
         self._waiting: dict[Hand, list[tuple[TrackedFrame, int]]] = {}
         self._trackers: dict[Hand, Tracker] = {}
         self._before: dict[Hand, TrackedFrame] = {}
-        hands = [(NAME, hand) for hand in HANDS]
+        self._events: dict[Hand, list[Event]] = {}
+        self._names = dict.fromkeys(HANDS, NAME)
+        hands = [(name, hand) for name in (NAME, CALIBRATED) for hand in HANDS]
         self._recorder = McapRecorder(path, hands=hands, **choices)
 
     def take(self, frame: TrackedFrame, tracker: Tracker, index: int) -> None:
         hand = tracker.model.hand
         waiting = self._waiting.setdefault(hand, [])
+        if self._trackers.get(hand, tracker) is not tracker:
+            # what was said is about the new hand
+            said = self._events.pop(hand, [])
+            if waiting:
+                self._write(hand)
+            self._events[hand] = said
+            self._names[hand] = CALIBRATED
+            waiting = self._waiting[hand] = []
         waiting.append((frame, index))
         self._trackers[hand] = tracker
         if frame.time_ns - waiting[0][0].time_ns >= RECORD_NS:
             self._write(hand)
+
+    def say(self, hand: Hand, event: Event) -> None:
+        self._events.setdefault(hand, []).append(event)
 
     def _write(self, hand: Hand) -> None:
         frames = [frame for frame, _ in self._waiting[hand]]
@@ -263,14 +332,15 @@ class RecorderSink:
             frames,
             tracker.model,
             {**tracker.settings, "limits": tracker.model.limits.name, "model": tracker.model.name},
-            name=NAME,
+            name=self._names[hand],
             frame_index=[index for _, index in self._waiting[hand]],
             source=self._source,
-            events=frame_events(frames, self._before.get(hand)),
+            events=[*self._events.pop(hand, []), *frame_events(frames, self._before.get(hand))],
         )
         self._before[hand] = frames[-1]
         self._waiting[hand] = []
-        self._recorder.add(part, HANDS.index(hand))
+        later = len(HANDS) * (self._names[hand] == CALIBRATED)
+        self._recorder.add(part, HANDS.index(hand) + later)
 
     def __enter__(self) -> RecorderSink:
         return self
@@ -292,3 +362,5 @@ class ViewerSink:
 
     def take(self, frame: TrackedFrame, tracker: Tracker, index: int) -> None:
         self._viewer.step(frame, tracker)
+
+    def say(self, hand: Hand, event: Event) -> None: ...

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -57,6 +58,34 @@ def test_what_comes_is_tracked_and_recorded(tmp_path):
     assert "30 frames, 4 dropped (11.8%): right hand in 28" in count.sentence
     assert track.events[0].text == "fitted"
     assert any(e.text.startswith("lost") for e in track.events)
+
+
+def test_a_hand_is_calibrated_while_it_is_tracked(tmp_path):
+    """Another hand than the default one: after its first seconds it is fitted as it is."""
+    subject = ht.HandModel.default("right", shape=[0.5, 2.0, -1.5, 0.0])
+    t = np.arange(240)
+    angles = np.tile(subject.mean_angles, (240, 1))
+    for a in range(20):
+        angles[:, a] += 0.25 * np.sin(t * (0.05 + 0.01 * a))
+    joints = subject.joints(subject.limits.clamp(angles))
+
+    def slowly():
+        for frame in frames(joints):
+            # the calibration beside it must get its turn
+            time.sleep(0.02 if frame.index > 120 else 0.0)
+            yield frame
+
+    with RecorderSink(tmp_path / "live.mcap", "test", CHOICES) as record:
+        run_live(slowly(), tracker, [record], recalibrated=Tracker)
+    before, after = sorted(ht.read_mcap(tmp_path / "live.mcap"), key=lambda x: x.time_ns[0])
+    assert (before.name, after.name) == ("live", "live calibrated")
+    assert len(before) + len(after) == 240
+    assert len(after) > 30
+    assert before.time_ns[-1] < after.time_ns[0]
+    assert after.events[0].text == "hand calibrated for good, from 4 s of it"
+    assert after.events[0].time_ns == after.time_ns[0]
+    assert np.nanmean(after.error) < 0.2 * np.nanmean(before.error)
+    assert np.allclose(after.model.bone_lengths, subject.bone_lengths, atol=1e-3)
 
 
 def test_ctrl_c_leaves_a_complete_recording(tmp_path):
