@@ -38,7 +38,7 @@ LONGEST_GAP = 5
 TRACKED: dict[str, tuple[str, dict[str, Any]]] = {
     "exact": ("anatomical", {}),
     "li2021": ("li2021", {"update": "li2021", "calibrate": False}),
-    "li2021, calibrated": ("li2021", {"update": "li2021"}),
+    "li2021, calibrated": ("li2021", {"update": "li2021", "calibrate": "proportions"}),
     "exact + one-euro": ("anatomical", {"filter": "one-euro"}),
     "exact + kalman": ("anatomical", {"filter": "kalman"}),
     "exact + rts": ("anatomical", {"filter": "rts"}),
