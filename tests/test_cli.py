@@ -497,6 +497,10 @@ BAD = {
     ),
     "output in a file": (["track", SHORT, "-o", "words.txt/a.mcap"], "words.txt is no folder"),
     "rrd in a file": (["track", SHORT, "--rrd", "words.txt/a.rrd"], "words.txt is no folder"),
+    "lag of another filter": (
+        ["track", SHORT, "--filter", "kalman", "--lag", "3"],
+        "--lag belongs to --filter fixed-lag, not to kalman",
+    ),
     "no input": (["track"], "Missing argument 'INPUT...'"),
     "two inputs": (["track", SHORT, SHORT], "they need --camera"),
     "unknown command": (["dance"], "No such command 'dance'"),

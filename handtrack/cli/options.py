@@ -170,8 +170,17 @@ def tracking_options(command: _Command) -> _Command:
 
 
 def take_tracking(options: dict[str, Any]) -> dict[str, Any]:
-    """Take the values of `tracking_options` out of a command's options."""
-    return {name: options.pop(name) for name in _TRACKING}
+    """Take the values of `tracking_options` out of a command's options.
+
+    Raises:
+        SettingsError: an option that the filter has no use for.
+    """
+    taken = {name: options.pop(name) for name in _TRACKING}
+    # retrack has the filter from the recording where it is not given
+    known = click.get_current_context().info_name != "retrack" or not is_default("filter")
+    if known and taken["filter"] != "fixed-lag" and not is_default("lag"):
+        raise SettingsError(f"--lag belongs to --filter fixed-lag, not to {taken['filter']}")
+    return taken
 
 
 def part_options(command: _Command) -> _Command:
