@@ -22,8 +22,8 @@ from handtrack.cli.options import (
     take_tracking,
     tracking_options,
 )
-from handtrack.cli.outputs import check_target
-from handtrack.cli.progress import compiling_said
+from handtrack.cli.outputs import RECORDINGS, check_target
+from handtrack.cli.progress import compiling_said, warm_up
 from handtrack.errors import HandtrackError, SettingsError
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def live(
     if sum(sources) != 1:
         raise SettingsError("choose one source: --camera, --video, --stdin or --udp")
     if output is None:
-        output = Path("recordings") / "live.mcap"
+        output = RECORDINGS / "live.mcap"
     check_target(output, ".mcap", "-o")
     settings, recording = take_tracking(options), take_recording(options)
     if settings["filter"] == "rts":
@@ -90,7 +90,7 @@ def live(
 
     with ExitStack() as stack:
         with compiling_said(quiet or as_json):
-            _warm_up(settings)
+            warm_up(settings)
         queue, frames, source = _source(
             camera, video, udp, (hand, unit, order, model), quiet, stack
         )
@@ -116,15 +116,6 @@ def live(
         click.echo(f"{count.sentence} -> {output}")
     if not any(count.seen.values()):
         raise HandtrackError(f"no hand was seen in {count.frames:,} frames")
-
-
-def _warm_up(settings: dict[str, Any]) -> None:
-    from handtrack.fitting.bcd import warm_up
-    from handtrack.tracking import filters
-
-    warm_up()
-    steady = ("filter", "lag", "process_noise", "couple")
-    filters.warm_up(filters.FilterSettings(*(settings[name] for name in steady)))
 
 
 def _source(

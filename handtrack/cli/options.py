@@ -12,7 +12,6 @@ from handtrack.errors import SettingsError
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print numbers for machines.")
-no_mesh_option = click.option("--no-mesh", is_flag=True, help="Leave the skin out.")
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
 
 _RECORDING = (

@@ -40,6 +40,20 @@ def compiling_said(quiet: bool) -> Iterator[None]:
         events.unregister("numba:run_pass", listener)
 
 
+def warm_up(settings: dict[str, Any]) -> None:
+    """Have the machine code ready that tracking by these settings needs."""
+    from handtrack.fitting import bcd
+    from handtrack.tracking import filters
+
+    bcd.warm_up()
+    steady = ("filter", "lag", "process_noise", "couple")
+    filters.warm_up(filters.FilterSettings(*(settings[name] for name in steady)))
+    if settings["update"] != "exact":  # a solver that is loaded, or compiled, when asked for
+        import handtrack as ht
+
+        ht.fit(hand := ht.HandModel.default(), hand.rest_joints, update=settings["update"])
+
+
 class Progress:
     """Where the work is; this one shows nothing."""
 

@@ -29,7 +29,7 @@ from handtrack.cli.pictures import (
     from_cameras,
     picture_options,
 )
-from handtrack.cli.progress import compiling_said, progress_shown
+from handtrack.cli.progress import compiling_said, progress_shown, warm_up
 from handtrack.errors import HandtrackError, SettingsError
 
 if TYPE_CHECKING:
@@ -89,7 +89,8 @@ def track(
                 camera, inputs, reading, models, settings["calibrate"], quiet or as_json
             )
         settings["calibrate"] = "none"
-        settings["noise_mm"] = settings["noise_mm"] or noise
+        if settings["noise_mm"] is None:
+            settings["noise_mm"] = noise
     elif len(inputs) > 1:
         raise SettingsError("several inputs are views of one scene: they need --camera")
     else:
@@ -114,15 +115,7 @@ def track(
         compiling_said(silent),
         progress_shown(sum(map(len, sequences)), silent) as progress,
     ):
-        from handtrack.fitting.bcd import warm_up
-        from handtrack.tracking import filters
-
-        warm_up()
-        steady = ("filter", "lag", "process_noise", "couple")
-        filters.warm_up(filters.FilterSettings(*(settings[name] for name in steady)))
-        update = settings["update"]
-        if update != "exact":  # a solver that is loaded, or compiled, when it is asked for
-            ht.fit(hand := ht.HandModel.default(), hand.rest_joints, update=update)
+        warm_up(settings)
         for job in work:
             made = []
             with recorder(job, recording) as record:

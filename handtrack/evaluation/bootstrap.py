@@ -26,8 +26,6 @@ _DRAWS = 1_000_000
 """Blocks drawn in all; in longer series blocks are longer than they need be."""
 _SEED = 20210
 
-Interval = tuple[float, float]
-
 
 @dataclass(frozen=True)
 class Uncertain:
