@@ -55,30 +55,26 @@ def follow(views: Views, model: HandModel) -> Followed:
     stiffness = (NOISE_PX / np.deg2rad(PRIOR_DEG)) ** 2 if one else 0.0
     results = ViewResults(1)
     last: tuple[Array, Array] | None = None
+
+    def run(t: int, start: tuple[Array, Array]) -> tuple[float, Array, Array, Array]:
+        """Objective, angles, root and joints of a frame's fit from angles and root."""
+        at = slice(t, t + 1)
+        results.run(
+            model, views.cameras, pixels[at], weights[at], start[0][None], start[1][None],
+            SPREAD_PX, stiffness,
+        )  # fmt: skip
+        found = (results.angles, results.roots, results.joints)
+        angles, root, placed = (array[0].copy() for array in found)
+        return float(results.objective[0]), angles, root, placed
+
     for t in range(n):
         if seen[t].sum() < MIN_POINTS:
             last = None
             continue
-
-        def run(start: tuple[Array, Array], frame: int = t) -> tuple[float, Array, Array, Array]:
-            angles, root = start[0][None], start[1][None]
-            frames = slice(frame, frame + 1)
-            results.run(
-                model, views.cameras, pixels[frames], weights[frames], angles, root,
-                SPREAD_PX, stiffness,
-            )  # fmt: skip
-            objective = float(results.objective[0])
-            return (
-                objective,
-                results.angles[0].copy(),
-                results.roots[0].copy(),
-                results.joints[0].copy(),
-            )
-
-        best = None if last is None else run(last)
+        best = None if last is None else run(t, last)
         if best is None or best[0] > DOUBT_PX**2 * weights[t].sum():
             anew = _from_points(views, model, t)
-            fresh = None if anew is None else run(anew)
+            fresh = None if anew is None else run(t, anew)
             if fresh is not None and (best is None or fresh[0] < best[0]):
                 best = fresh
         if best is None:
