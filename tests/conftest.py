@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,8 @@ import pytest
 import handtrack as ht
 
 ROOT = Path(__file__).resolve().parent.parent
+# the tools are no part of the package; the package itself is the installed one, where there is one
+sys.path.append(str(ROOT))
 SHARED = ROOT.parent / "shared" / "data"
 
 

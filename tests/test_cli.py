@@ -20,12 +20,12 @@ import pytest
 import handtrack as ht
 from handtrack.cli import progress as cli_progress
 from handtrack.cli import run
+from tools.make import mano_like as make_mano_like
+from tools.make import panoptic as make_panoptic
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "tests" / "hand")]
+sys.path[:0] = [str(ROOT / "tests" / "hand")]
 
-import make_mano_like  # noqa: E402
-import make_panoptic  # noqa: E402
 
 SPREAD = {"mean", "std", "median", "p95", "max"}
 ROW = {

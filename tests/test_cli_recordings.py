@@ -15,11 +15,9 @@ import pytest
 
 import handtrack as ht
 from handtrack.cli import main, run
+from tools.make import mano_like as make_mano_like
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT / "tools")]
-
-import make_mano_like  # noqa: E402
 
 
 @pytest.fixture(scope="module")

@@ -19,12 +19,11 @@ import pytest
 
 import handtrack as ht
 from handtrack.cli import COMMANDS, run
+from tools.make import mano_like as make_mano_like
+from tools.make import panoptic as make_panoptic
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "tools"))
 
-import make_mano_like  # noqa: E402
-import make_panoptic  # noqa: E402
 
 # the real inputs: sequences, frames of each, and what the mean PA-MPJPE to the observed joints
 # stays below [mm] with a calibrated hand

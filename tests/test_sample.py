@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +12,11 @@ from handtrack.evaluation import metrics
 from handtrack.hand.limits import preset
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import HANDS, TIPS
+from tools.make import panoptic as make_panoptic
+from tools.make import sample as make_sample
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "tools"))
 
-import make_panoptic  # noqa: E402
-import make_sample  # noqa: E402
 
 GAP = slice(200, 210)
 

@@ -1,6 +1,6 @@
 """The free hand that ships with the project: its skeleton, joint axes and skin.
 
-`default_hand.npz` is made by `tools/make_default_hand.py` from published bone lengths
+`default_hand.npz` is made by `tools/make/default_hand.py` from published bone lengths
 (Buryanov and Kotiuk 2010); it is our own work and under the project's licence. It holds the
 right hand: the left one is its mirror image, made here with axes and winding of its own.
 """

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -12,10 +10,7 @@ from handtrack.fitting.batch import fit_batch
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import BASES
 from handtrack.sequences.sequence import Sequence
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
-
-import make_sample
+from tools.make import sample as make_sample
 
 FINGER_BONES = np.setdiff1d(np.arange(20), BASES - 1)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,10 +17,7 @@ from handtrack.fitting.bcd import fit
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import BASES, HANDS, JOINT_NAMES, PALM
 from handtrack.sequences.sequence import Sequence
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
-
-import make_sample
+from tools.make import sample as make_sample
 
 
 def calibrate(model: HandModel, given: Sequence):

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -13,9 +10,7 @@ import handtrack as ht
 from handtrack.errors import InputError
 from handtrack.fitting.mano_shape import mano_shape
 from handtrack.hand.mano import MANO
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
-import make_mano_like
+from tools.make import mano_like as make_mano_like
 
 BETAS = np.array([1.5, -1, 0.5, 2, -0.5, 0.3, -2, 1, 0.2, -0.7])
 

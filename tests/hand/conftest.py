@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
-TOOLS = Path(__file__).parents[2] / "tools"
+from tools.make import mano_like
 
 
 @pytest.fixture(scope="session")
 def maker() -> ModuleType:
     """The tool that makes them."""
-    sys.path.insert(0, str(TOOLS))
-    try:
-        return importlib.import_module("make_mano_like")
-    finally:
-        sys.path.remove(str(TOOLS))
+    return mano_like
 
 
 @pytest.fixture(scope="session")

@@ -255,7 +255,7 @@ def test_impossible_poses_are_refused(mano):
 SMPLX = """
 import sys, numpy as np, torch
 sys.path.insert(0, sys.argv[1])
-from make_mano_like import chumpy_modules
+from tools.make.mano_like import chumpy_modules
 sys.modules.update(chumpy_modules())
 import smplx
 poses = np.load(sys.argv[3])

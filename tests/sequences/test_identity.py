@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,12 +10,11 @@ import pytest
 
 import handtrack as ht
 from handtrack.sequences.identity import repair_identity
+from tools.make.panoptic import FPS, make, write
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 DATA = ROOT.parent / "shared" / "data"
-sys.path.insert(0, str(ROOT / "tools"))
 
-from make_panoptic import FPS, make, write  # noqa: E402
 
 LEFT_RIGHT = [(0, 1)]
 PEOPLE = [(0, 2), (1, 3)]

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
 import pickle
-import sys
 from collections import OrderedDict
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,8 +17,7 @@ from handtrack.hand.mano import MANO
 from handtrack.hand.mano_decode import decode
 from handtrack.hand.mano_pose import to_mano
 from handtrack.hand.skeleton import ORDERS
-
-TOOLS = Path(__file__).parents[2] / "tools"
+from tools.make import mano_like
 
 
 class Evil:
@@ -168,15 +164,10 @@ def test_frankmocap_of_before_it_saved_joints(tmp_path):
 @pytest.fixture(scope="module")
 def mano_folder(tmp_path_factory):
     """Free stand-ins for MANO's files, stored as MANO's are."""
-    sys.path.insert(0, str(TOOLS))
-    try:
-        maker = importlib.import_module("make_mano_like")
-    finally:
-        sys.path.remove(str(TOOLS))
     folder = tmp_path_factory.mktemp("mano")
     for hand in ("right", "left"):
         with (folder / f"MANO_{hand.upper()}.pkl").open("wb") as file:
-            maker.write_pickle(maker.make_mano_like(hand), file)
+            mano_like.write_pickle(mano_like.make_mano_like(hand), file)
     return folder
 
 

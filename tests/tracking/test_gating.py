@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import fields
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,10 +11,7 @@ import handtrack as ht
 from handtrack.hand.rotations import about_axis
 from handtrack.hand.skeleton import JOINT_NAMES
 from handtrack.tracking.tracker import TrackedFrame
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent.parent / "tools"))
-
-from faults import KINDS, disturbed
+from tools.bench.faults import KINDS, disturbed
 
 FRAME_NS = 33_333_333
 T = 30

@@ -7,9 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("av", reason="the extra video is not installed")
-
 from clips import Told, seen, write_image, write_video
 
 import handtrack as ht
@@ -17,6 +14,8 @@ from handtrack.cli import run
 from handtrack.errors import InputError, SettingsError
 from handtrack.video import model_file
 from handtrack.video.detections import NoHandError, detect
+
+pytest.importorskip("av", reason="the extra video is not installed")
 
 
 @pytest.fixture

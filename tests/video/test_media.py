@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-pytest.importorskip("av", reason="the extra video is not installed")
-
 from clips import write_image, write_video
 
 from handtrack.errors import InputError
 from handtrack.video.media import count, kind, pictures, read_image
+
+pytest.importorskip("av", reason="the extra video is not installed")
+
 
 TICKS = [0, 33, 67, 167, 180]
 

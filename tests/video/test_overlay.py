@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-pytest.importorskip("av", reason="the extra video is not installed")
-pytest.importorskip("cv2", reason="the extra video is not installed")
-
 from clips import Told, write_image, write_video
 
 import handtrack as ht
@@ -20,6 +16,10 @@ from handtrack.video.media import pictures, read_image
 from handtrack.video.overlay import Drawn, draw, overlay
 from handtrack.video.placing import assumed_camera, place_in_view
 from handtrack.video.seen import Seen
+
+pytest.importorskip("av", reason="the extra video is not installed")
+pytest.importorskip("cv2", reason="the extra video is not installed")
+
 
 SIZE = (640, 480)
 CAMERA = assumed_camera(SIZE)

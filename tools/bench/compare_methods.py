@@ -1,6 +1,6 @@
 """Sequences through the paper's method, ours, the baselines and each filter: one table.
 
-    python tools/compare_methods.py [FILE OR FOLDER ...] [--fast] [--markdown OUT.md] [--json OUT]
+    python -m tools.bench.compare_methods [FILE OR FOLDER ...] [--fast] [--markdown MD] [--json OUT]
 
 Without arguments: the sample, and motion like the sample's by another hand with noise of 2 and
 5 mm. Errors are PA-MPJPE in mm, mean and standard deviation over frames: against the truth where
@@ -28,8 +28,8 @@ from handtrack.calibration.calibrate import calibrate
 from handtrack.evaluation.compare import compare
 from handtrack.evaluation.measure import Estimate
 from handtrack.evaluation.results import StabilityReport
-from handtrack.fitting import baselines
 from handtrack.hand.model import HandModel
+from tools.paper import baselines
 
 Array = NDArray[np.float64]
 Reports = dict[str, StabilityReport]
@@ -99,9 +99,9 @@ def named(sequence: ht.Sequence) -> ht.Sequence:
 
 def synthetic() -> list[ht.Sequence]:
     """The sample, and longer motion by another hand at two noises, with its truth."""
-    from make_sample import motion, subject_hand
+    from tools.make.sample import motion, subject_hand
 
-    root = Path(__file__).resolve().parent.parent
+    root = Path(__file__).resolve().parents[2]
     out = ht.load(root / "recordings" / "sample.npz")
     for sigma in (2.0, 5.0):
         rng = np.random.default_rng(7)

@@ -1,4 +1,4 @@
-"""tools/stability_study.py, its faults and its oracles."""
+"""tools/bench/stability_study.py, its faults and its oracles."""
 
 from __future__ import annotations
 
@@ -9,12 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-TOOLS = Path(__file__).resolve().parent.parent.parent / "tools"
-sys.path.insert(0, str(TOOLS))
+from tools.bench import faults, oracles, stability_study
 
-import faults  # noqa: E402
-import oracles  # noqa: E402
-import stability_study  # noqa: E402
+ROOT = Path(__file__).resolve().parents[3]
+
 
 RNG = np.random.default_rng
 
@@ -118,7 +116,7 @@ def test_faults_are_as_many_and_as_large_as_said():
 def rows(tmp_path_factory):
     folder = tmp_path_factory.mktemp("study")
     clean = smooth_joints() * 0.1
-    sample = np.load(TOOLS.parent / "recordings" / "sample.npz")
+    sample = np.load(ROOT / "recordings" / "sample.npz")
     hand = sample["truth_m"][100:160] + clean[:60, :1]
     path = folder / "hand.npz"
     np.savez(path, joints_m=hand, fps=np.array(30.0), hand=np.array("right"))

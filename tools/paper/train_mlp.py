@@ -1,6 +1,6 @@
 """Train the perceptron that the paper's baseline is (handtrack/fitting/baseline_mlp.py).
 
-    pip install torch && python tools/train_mlp.py [--minutes 20] [-o FILE.npz]
+    pip install torch && python -m tools.paper.train_mlp [--minutes 20] [-o FILE.npz]
 
 Right hands of many proportions (each bone and each finger base up to about 20 % from the default
 hand's) in poses all over the anatomical limits, relaxed ones and blends of the two, with
@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.fitting.baseline_mlp import LAYERS
 from handtrack.fitting.free_pose import PARENT
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_ANGLES, N_PARTS, PALM, PARENTS, PART_JOINT
+from tools.paper.mlp import LAYERS
 
 Array = NDArray[np.float64]
 
@@ -204,7 +204,7 @@ def main() -> None:
         "-o",
         "--output",
         type=Path,
-        default=Path(__file__).parent.parent / "handtrack" / "fitting" / "mlp_weights.npz",
+        default=Path(__file__).parent / "mlp_weights.npz",
     )
     options = parser.parse_args()
     weights = train(options.minutes, options.seed)

@@ -1,10 +1,10 @@
 """A picture of a hand's joint axes: flexion (z, blue) and abduction (y, green), as in Fig. 4 of
 Li et al. 2021.
 
-    python tools/render_axes.py axes.png                       # the default hand, and as MANO's
-    python tools/render_axes.py axes.png --mano DIR --gltf DIR  # your own hands
+    python -m tools.render.axes axes.png                       # the default hand, and as MANO's
+    python -m tools.render.axes axes.png --mano DIR --gltf DIR  # your own hands
 
-Without --mano the free stand-in of tools/make_mano_like.py shows what geometry makes of a rest
+Without --mano the free stand-in of tools/make/mano_like.py shows what geometry makes of a rest
 skeleton.
 """
 
@@ -15,12 +15,12 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from make_mano_like import make_mano_like, write_pickle
 from numpy.typing import NDArray
-from render_hand import render, view, write_png
 
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import ANGLE_JOINT, BONES, HANDS
+from tools.make.mano_like import make_mano_like, write_pickle
+from tools.render.hand import render, view, write_png
 
 Array = NDArray[np.float64]
 

@@ -3,13 +3,13 @@
 As in IKNet (Zhou et al. 2020) it gets joints about the wrist, scaled to the hand's size, and the
 bones' directions, and gives unit quaternions; six layers. Unlike IKNet it sees them in the palm's
 frame, so that it need not learn how hands turn in the room. It has learned right hands from poses
-inside the limits, of many proportions and with noise (tools/train_mlp.py); left hands are mirrored.
+inside the limits, of many proportions and with noise (train_mlp.py); left hands are mirrored.
 """
 
 from __future__ import annotations
 
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +80,7 @@ def _rest_mirror(model: HandModel) -> Array:
 @cache
 def _weights() -> list[tuple[Array, Array]]:
     """Matrix and bias of each layer."""
-    path = files("handtrack.fitting").joinpath(WEIGHTS)
+    path = Path(__file__).with_name(WEIGHTS)
     with path.open("rb") as stream, np.load(stream) as archive:
         return [
             (archive[f"w{i}"].astype(np.float64), archive[f"b{i}"].astype(np.float64))

@@ -1,6 +1,6 @@
 """Write the sample's motion as a CMU Panoptic Studio hand folder, for tests and demos.
 
-    python tools/make_panoptic.py OUT [--frames 100] [--noise-mm 2] [--people 1]
+    python -m tools.make.panoptic OUT [--frames 100] [--noise-mm 2] [--people 1]
 
 OUT/hdHand3d/handRecon3D_hd00020701.json and so on: centimetres, the studio's frame (y down),
 29.97 frames a second, both hands of each person. `--truth FOLDER` also keeps the true joints, as
@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from make_sample import mirrored, motion, subject_hand
 from numpy.typing import NDArray
 
 from handtrack.hand.skeleton import HANDS, Hand
+from tools.make.sample import mirrored, motion, subject_hand
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """What steadies a hand best: smoothing its joints, or fitting a hand and filtering its angles.
 
-    python tools/stability_study.py [PATH ...] [--noise-mm 2 5 10] [--faults none all]
+    python -m tools.bench.stability_study [PATH ...] [--noise-mm 2 5 10] [--faults none all]
 
 Clean joints (a file's truth where it has one, else its joints) get white noise and faults, and
 are given to each method: the raw joints as they are; Savitzky-Golay and One-Euro filters on the raw
@@ -26,9 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from faults import KINDS, disturbed
 from numpy.typing import NDArray
-from oracles import best_one_euro, best_savgol
 from rich.console import Console
 from rich.table import Table
 
@@ -36,10 +34,12 @@ import handtrack as ht
 from handtrack.evaluation.arrays import nan_mean
 from handtrack.evaluation.metrics import errors, jitter, lag, pa_mpjpe
 from handtrack.tracking.filters import FILTERS
+from tools.bench.faults import KINDS, disturbed
+from tools.bench.oracles import best_one_euro, best_savgol
 
 Array = NDArray[np.float64]
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 DEFAULTS = (ROOT / "recordings" / "sample.npz", ROOT.parent / "shared" / "data" / "leap")
 RAW, SAVGOL, ONE_EURO = "raw joints", "savitzky-golay oracle", "one-euro oracle"
 NUMBERS = (

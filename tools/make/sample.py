@@ -1,6 +1,6 @@
 """Make recordings/sample.npz: ten seconds of a hand whose true joints are known.
 
-    python tools/make_sample.py [OUT.npz]
+    python -m tools.make.sample [OUT.npz]
 
 The motion (`motion`) and the subject's hand (`subject_hand`) are also what the benchmarks and
 `make_panoptic.py` use.
@@ -328,7 +328,7 @@ def stored(sample: Sample) -> dict[str, NDArray[np.generic]]:
         "hand": np.array("right"),
         "fps": np.array(FPS),
         "name": np.array("sample"),
-        "subject": np.array("made by tools/make_sample.py"),
+        "subject": np.array("made by tools/make/sample.py"),
     }
 
 
@@ -339,7 +339,7 @@ def _rounded(x: Array, bits: int) -> NDArray[np.float32]:
 def main() -> None:
     """Write the file."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    here = Path(__file__).resolve().parent.parent / "recordings" / "sample.npz"
+    here = Path(__file__).resolve().parents[2] / "recordings" / "sample.npz"
     parser.add_argument("out", nargs="?", type=Path, default=here)
     out = parser.parse_args().out
     np.savez_compressed(out, **stored(make()))  # type: ignore[arg-type]

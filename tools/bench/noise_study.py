@@ -1,6 +1,6 @@
 """The noise study of Li et al. 2021: what each update makes of noisy joints.
 
-    python tools/noise_study.py [--quick] [--limits NAME] [--json OUT] [--plot OUT.png]
+    python -m tools.bench.noise_study [--quick] [--limits NAME] [--json OUT] [--plot OUT.png]
 
 Joints of random valid poses, and of the sample's motion, get white noise of 2, 5, 10 and 20 mm
 on every coordinate and are fitted with the hand that made them: random poses each from the mean
@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from make_sample import make, motion, subject_hand
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
@@ -30,6 +29,7 @@ from handtrack.hand.limits import PRESETS
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_ANGLES
 from handtrack.sequences.sequence import Sequence
+from tools.make.sample import make, motion, subject_hand
 
 Array = NDArray[np.float64]
 

@@ -131,7 +131,7 @@ def fit_batch(
     for start in range(0, len(use), _BLOCK):
         block = use[start : start + _BLOCK]
         if method == "mlp":
-            from handtrack.fitting.baseline_mlp import predict
+            from tools.paper.mlp import predict
 
             parts.append(predict(model, block))
         else:

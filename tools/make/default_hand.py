@@ -1,6 +1,6 @@
 """Make the free hand that ships with the project: `handtrack/hand/default_hand.npz`.
 
-    python tools/make_default_hand.py [output.npz]
+    python -m tools.make.default_hand [output.npz]
 
 Bone lengths are the published means of adult hands; how the palm's bones lie, the joints' axes
 and the shape of the skin are our own. The result is the right hand at rest, in metres: the
@@ -14,16 +14,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from hand_mesh import Mesh, build_mesh
-from hand_nails import add_nails
-from hand_shape import HandShape, smoothstep
 from numpy.typing import NDArray
 
 from handtrack.hand.skeleton import FINGERS, N_ANGLES, N_JOINTS, N_PARTS
+from tools.make.hand_mesh import Mesh, build_mesh
+from tools.make.hand_nails import add_nails
+from tools.make.hand_shape import HandShape, smoothstep
 
 Array = NDArray[np.float64]
 
-OUTPUT = Path(__file__).parents[1] / "handtrack" / "hand" / "default_hand.npz"
+OUTPUT = Path(__file__).parents[2] / "handtrack" / "hand" / "default_hand.npz"
 
 # Mean lengths of the bones of adult hands [mm]: metacarpal, proximal, middle (none in the
 # thumb), distal, and the pulp beyond the distal bone. Buryanov A., Kotiuk V. (2010),

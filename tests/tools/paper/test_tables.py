@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import handtrack as ht
+from tools.bench import compare_methods
+from tools.make import mano_like as make_mano_like
+from tools.paper import tables as paper
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tools"))
-
-import compare_methods  # noqa: E402
-import make_mano_like  # noqa: E402
-import paper  # noqa: E402
+ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,10 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from handtrack.errors import InputError, SettingsError
 from handtrack.evaluation.metrics import pa_mpjpe
-from handtrack.fitting import baselines, free_pose
-from handtrack.fitting.baseline_mlp import WEIGHTS, predict
+from handtrack.fitting import free_pose
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import vector_to_matrix
+from tools.paper import baselines, mlp
+from tools.paper.mlp import WEIGHTS, predict
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +109,7 @@ def test_the_network_sees_no_place_no_size_and_no_side(model):
 
 
 def test_the_weights_are_small():
-    assert files("handtrack.fitting").joinpath(WEIGHTS).stat().st_size < 500_000
+    assert Path(mlp.__file__).with_name(WEIGHTS).stat().st_size < 500_000
 
 
 def test_missing_joints(model):

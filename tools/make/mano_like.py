@@ -1,6 +1,6 @@
 """Make free stand-ins for MANO's files, to try and test what reads them.
 
-    python tools/make_mano_like.py FOLDER
+    python -m tools.make.mano_like FOLDER
 
 writes MANO_RIGHT.pkl and MANO_LEFT.pkl: our own default hand thinned to 778 vertices with an
 open wrist, and bases of our own making, stored as MANO's are: pickled by Python 2, with a

@@ -1,9 +1,9 @@
 """The experiments of Li et al. 2021, on the data they need as soon as you have it.
 
-    python tools/paper.py mano [--mano DIR]         Tables 2 and 3: MANO's registrations
-    python tools/paper.py noise [--mano DIR]        Figures 6 and 7: noise of 2 to 20 mm
-    python tools/paper.py freihand XYZ DETECTED     Table 4, Figure 9: joints that a detector saw
-    python tools/paper.py panoptic [FOLDER]         the sequence 171204_pose6
+    python -m tools.paper.tables mano [--mano DIR]         Tables 2 and 3: MANO's registrations
+    python -m tools.paper.tables noise [--mano DIR]        Figures 6 and 7: noise of 2 to 20 mm
+    python -m tools.paper.tables freihand XYZ DETECTED     Table 4, Figure 9: joints of a detector
+    python -m tools.paper.tables panoptic [FOLDER]         the sequence 171204_pose6
 
 Without your MANO the first two use poses of the free hand whose joints also turn about axes that
 ours have not (7 degrees, standard deviation), as MANO's registrations do. Without a FOLDER the
@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from paper_fits import METHODS, NAMES, Poses, Row, measure, run, table
 from rich.console import Console
 from rich.table import Table
 from scipy.spatial.transform import Rotation
@@ -37,6 +36,7 @@ from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import vector_to_matrix
 from handtrack.hand.skeleton import N_ANGLES
 from handtrack.hand.unpickle import plain, unpickle
+from tools.paper.fits import METHODS, NAMES, Poses, Row, measure, run, table
 
 Array = NDArray[np.float64]
 
@@ -183,7 +183,7 @@ def panoptic(options: argparse.Namespace, console: Console) -> Any:
     with tempfile.TemporaryDirectory() as made:
         folder = options.folder
         if folder is None:
-            import make_panoptic
+            from tools.make import panoptic as make_panoptic
 
             _, joints = make_panoptic.make(100, 2.0, 1)
             folder = make_panoptic.write(Path(made) / "171204_pose6", joints)

@@ -12,11 +12,11 @@ from rich.table import Table
 
 import handtrack as ht
 from handtrack.evaluation import metrics
-from handtrack.fitting import baselines
 from handtrack.fitting.batch import BatchFit, fit_batch
 from handtrack.fitting.bcd import UPDATES
 from handtrack.fitting.free_pose import FreeFit
 from handtrack.hand.model import HandModel
+from tools.paper import baselines
 
 Array = NDArray[np.float64]
 Components = tuple[Array, Array]

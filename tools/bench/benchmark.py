@@ -1,6 +1,6 @@
 """Measure handtrack: the fit against other solvers, motions, optima, and the whole tool.
 
-    python tools/benchmark.py [--quick] [--only PART ...] [--limits NAME] [--json OUT]
+    python -m tools.bench.benchmark [--quick] [--only PART ...] [--limits NAME] [--json OUT]
 
 What is compared runs in one process on the same frames from the same starts, after a warm-up.
 Single frames are timed as calls of the compiled loop less an empty call, each frame the best of
@@ -25,9 +25,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from bench_peers import peers
-from make_mano_like import make_mano_like, write_pickle
-from noise_study import fitted, noisy_motion, noisy_poses, random_angles
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
@@ -45,6 +42,9 @@ from handtrack.recording.rerun_log import log_rerun
 from handtrack.sequences.sequence import Sequence
 from handtrack.tracking.track import Track
 from handtrack.tracking.tracker import Tracker, track
+from tools.bench.noise_study import fitted, noisy_motion, noisy_poses, random_angles
+from tools.bench.peers import peers
+from tools.make.mano_like import make_mano_like, write_pickle
 
 Array = NDArray[np.float64]
 Rows = list[dict[str, Any]]
@@ -264,7 +264,16 @@ def tool_part(quick: bool, limits: str) -> dict[str, Rows]:
     grown = []
     for what in ("step", "track"):
         for count in GROWTH[:2] if quick else GROWTH:
-            command = [sys.executable, __file__, "--child", what, str(count), "--limits", limits]
+            command = [
+                sys.executable,
+                "-m",
+                "tools.bench.benchmark",
+                "--child",
+                what,
+                str(count),
+                "--limits",
+                limits,
+            ]
             said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
             grown.append({"what": what, "frames": count, **json.loads(said)})
     return {f"the whole tool, {n} frames": rows, "memory, one process each": grown}

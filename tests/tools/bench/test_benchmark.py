@@ -1,21 +1,15 @@
-"""tools/benchmark.py runs, and its numbers are what its columns say."""
+"""tools/bench/benchmark.py runs, and its numbers are what its columns say."""
 
 from __future__ import annotations
 
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-TOOLS = Path(__file__).resolve().parent.parent.parent / "tools"
-sys.path.insert(0, str(TOOLS))
-
-import benchmark  # noqa: E402
-
-from handtrack.fitting import bcd  # noqa: E402
-from handtrack.hand.model import HandModel  # noqa: E402
+from handtrack.fitting import bcd
+from handtrack.hand.model import HandModel
+from tools.bench import benchmark
 
 
 def run(tmp_path, part):

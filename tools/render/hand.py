@@ -1,6 +1,6 @@
 """Pictures of the default hand, drawn by a small z-buffer renderer of our own.
 
-python tools/render_hand.py hand.png --poses flat fist pinch --views dorsal palmar
+python -m tools.render.hand hand.png --poses flat fist pinch --views dorsal palmar
 """
 
 from __future__ import annotations

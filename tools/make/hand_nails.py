@@ -7,9 +7,10 @@ slightly arched plate; the strip of quads between is the nail's edge. Lengths ar
 from __future__ import annotations
 
 import numpy as np
-from hand_mesh import Ints, Mesh
-from hand_shape import HandShape, Tube
 from numpy.typing import NDArray
+
+from tools.make.hand_mesh import Ints, Mesh
+from tools.make.hand_shape import HandShape, Tube
 
 Array = NDArray[np.float64]
 

@@ -1,20 +1,15 @@
-"""tools/noise_study.py runs, and shows what the study is about."""
+"""tools/bench/noise_study.py runs, and shows what the study is about."""
 
 from __future__ import annotations
 
 import json
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-TOOLS = Path(__file__).resolve().parent.parent.parent / "tools"
-sys.path.insert(0, str(TOOLS))
-
-import noise_study  # noqa: E402
-
-from handtrack.hand.model import HandModel  # noqa: E402
+from handtrack.hand.model import HandModel
+from tools.bench import noise_study
 
 
 @pytest.fixture(scope="module")

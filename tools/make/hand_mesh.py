@@ -11,8 +11,9 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from hand_shape import HandShape, Tube
 from numpy.typing import NDArray
+
+from tools.make.hand_shape import HandShape, Tube
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int_]
