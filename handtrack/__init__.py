@@ -33,15 +33,15 @@ _WHERE = {
     "load_hand": "hand.hand_file",
     "Tracker": "tracking.tracker",
     "track": "tracking.tracker",
-    "retrack": "tracking.retrack",
+    "retrack": "recording.retrack",
     "Track": "tracking.track",
-    "write_mcap": "recording.mcap_io",
-    "read_mcap": "recording.mcap_io",
-    "follow_mcap": "recording.mcap_io",
+    "write_mcap": "recording.tracks",
+    "read_mcap": "recording.tracks",
+    "follow_mcap": "recording.tracks",
     "McapRecorder": "recording.recorder",
-    "log_rerun": "recording.rerun_log",
-    "export": "recording.export.files",
-    "LiveViewer": "recording.live",
+    "log_rerun": "viewer.rerun_log",
+    "export": "exporting.files",
+    "LiveViewer": "viewer.live_viewer",
     "stability": "evaluation.stability",
 }
 
@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from handtrack.errors import SettingsError as SettingsError
     from handtrack.evaluation import metrics as metrics
     from handtrack.evaluation.stability import stability as stability
+    from handtrack.exporting.files import export as export
     from handtrack.fitting.batch import fit_batch as fit_batch
     from handtrack.fitting.bcd import Fit as Fit
     from handtrack.fitting.bcd import fit as fit
@@ -67,20 +68,19 @@ if TYPE_CHECKING:
     from handtrack.hand.limits import Limits as Limits
     from handtrack.hand.mano import MANO as MANO
     from handtrack.hand.model import HandModel as HandModel
-    from handtrack.recording.export.files import export as export
-    from handtrack.recording.live import LiveViewer as LiveViewer
-    from handtrack.recording.mcap_io import follow_mcap as follow_mcap
-    from handtrack.recording.mcap_io import read_mcap as read_mcap
-    from handtrack.recording.mcap_io import write_mcap as write_mcap
     from handtrack.recording.recorder import McapRecorder as McapRecorder
-    from handtrack.recording.rerun_log import log_rerun as log_rerun
+    from handtrack.recording.retrack import retrack as retrack
+    from handtrack.recording.tracks import follow_mcap as follow_mcap
+    from handtrack.recording.tracks import read_mcap as read_mcap
+    from handtrack.recording.tracks import write_mcap as write_mcap
     from handtrack.sequences.identity import repair_identity as repair_identity
     from handtrack.sequences.load import load as load
     from handtrack.sequences.sequence import Sequence as Sequence
-    from handtrack.tracking.retrack import retrack as retrack
     from handtrack.tracking.track import Track as Track
     from handtrack.tracking.tracker import Tracker as Tracker
     from handtrack.tracking.tracker import track as track
+    from handtrack.viewer.live_viewer import LiveViewer as LiveViewer
+    from handtrack.viewer.rerun_log import log_rerun as log_rerun
 
 
 def __getattr__(name: str) -> Any:

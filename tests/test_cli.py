@@ -615,7 +615,7 @@ def test_ctrl_c_is_one_line(call, made, monkeypatch):
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("handtrack.recording.mcap_write.RecordingWriter.add", interrupted)
+    monkeypatch.setattr("handtrack.recording.write.RecordingWriter.add", interrupted)
     status, out, err = call("track", made.short, "-o", "a.mcap")
     assert (status, out) == (1, "")
     assert err.strip() == "stopped"

@@ -271,8 +271,8 @@ def _cut(track: Track, frames: tuple[int, int] | None) -> Track:
 
 def _is_recording(path: Path) -> bool:
     """Whether it is one of ours, and not another MCAP file with joints."""
-    from handtrack.recording.mcap_walk import Walk
-    from handtrack.recording.mcap_write import METADATA
+    from handtrack.mcap.walk import Walk
+    from handtrack.recording.write import METADATA
 
     if path.suffix not in (".mcap", ".part") or not path.is_file():
         return False

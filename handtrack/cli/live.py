@@ -28,9 +28,9 @@ from handtrack.errors import HandtrackError, SettingsError
 
 if TYPE_CHECKING:
     from handtrack.hand.skeleton import Hand
+    from handtrack.live.live import LiveFrame
+    from handtrack.live.sources import Newest
     from handtrack.tracking.tracker import Tracker
-    from handtrack.video.live import LiveFrame
-    from handtrack.video.live_frames import Newest
 
 
 @click.command(short_help="Track a camera, or joints that arrive, as it happens.")
@@ -85,8 +85,8 @@ def live(
     calibrate = settings.pop("calibrate") is True
     models = take_models(options, settings.pop("limits"))
     from handtrack import Tracker
-    from handtrack.recording.live import LiveViewer
-    from handtrack.video.live import LiveCount, RecorderSink, ViewerSink, run_live
+    from handtrack.live.live import LiveCount, RecorderSink, ViewerSink, run_live
+    from handtrack.viewer.live_viewer import LiveViewer
 
     with ExitStack() as stack:
         with compiling_said(quiet or as_json):
@@ -127,8 +127,8 @@ def _source(
     stack: ExitStack,
 ) -> tuple[Newest[Any], Iterator[LiveFrame], str]:
     """Where frames wait, the hands in them, and what that is."""
-    from handtrack.video import live_frames
-    from handtrack.video.live import from_lines, from_pictures
+    from handtrack.live import sources as live_frames
+    from handtrack.live.live import from_lines, from_pictures
 
     hand, unit, order, model = said
     if camera is not None or video is not None:

@@ -51,9 +51,9 @@ class _Viewer(Live):
     """Shows what is tracked in a viewer, until the command ends."""
 
     def __init__(self, connect: str | None, sequences: list[Sequence], mesh: bool) -> None:
-        from handtrack.recording.eye import Seen
-        from handtrack.recording.live import LiveViewer
         from handtrack.recording.topics import hand_topics
+        from handtrack.viewer.eye import Seen
+        from handtrack.viewer.live_viewer import LiveViewer
 
         # of a viewer that was closed rerun would complain line by line
         os.environ.setdefault("RUST_LOG", "off")

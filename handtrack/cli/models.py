@@ -164,7 +164,7 @@ class Models:
         Raises:
             HandtrackError: a file cannot be used, or it is not the hand that was recorded.
         """
-        from handtrack.recording.export.dress import dressed
+        from handtrack.exporting.dress import dressed
 
         if self._mano is None and self._gltf is None:
             return track

@@ -14,9 +14,9 @@ from handtrack.errors import InputError, SettingsError
 
 if TYPE_CHECKING:
     from handtrack import Sequence, Track
-    from handtrack.recording.picture_log import PictureView
     from handtrack.video.detections import Detections
     from handtrack.video.seen import Seen
+    from handtrack.viewer.picture_log import PictureView
 
 
 def picture_options(command: Any) -> Any:

@@ -72,7 +72,7 @@ def replay(
         check_target(save, ".rrd", "--save")
     if not web and (port is not None or no_open):
         raise SettingsError("--port and --no-open belong to --web")
-    from handtrack.recording.replay import replay as show
+    from handtrack.viewer.replay import replay as show
 
     paths = recordings(files)
     if save is not None:

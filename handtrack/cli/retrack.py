@@ -39,8 +39,8 @@ def retrack(file: Path, output: Path, as_json: bool, quiet: bool, **options: Any
     again. A recording of MANO holds no model: give --mano again.
     """
     import handtrack as ht
-    from handtrack.tracking.retrack import as_stored, input_of
-    from handtrack.tracking.retrack import retrack as run
+    from handtrack.recording.retrack import as_stored, input_of
+    from handtrack.recording.retrack import retrack as run
 
     source = click.get_current_context().get_parameter_source
     given = {name for name in options if source(name) == ParameterSource.COMMANDLINE}

@@ -19,9 +19,9 @@ from handtrack.hand.skeleton import (
     PART_JOINT,
     PART_NAMES,
 )
-from handtrack.recording.layout import Layout, tag, timestamps, varint
-from handtrack.recording.schema import message_class
-from handtrack.recording.state_fields import ARRAYS
+from handtrack.mcap.layout import Layout, tag, timestamps, varint
+from handtrack.mcap.schema import message_class
+from handtrack.mcap.state_fields import ARRAYS
 from handtrack.tracking.track import Event, Track
 
 Array = NDArray[np.float64]

@@ -13,8 +13,8 @@ from handtrack.errors import HandtrackError, InputError
 from handtrack.hand.limits import Limits
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES, N_PARTS
-from handtrack.recording.schema import array_class
-from handtrack.recording.state_fields import ARRAYS
+from handtrack.mcap.schema import array_class
+from handtrack.mcap.state_fields import ARRAYS
 from handtrack.tracking.track import Event, Skin, Track
 
 OURS = ("handtrack.Hand", "handtrack.State", "handtrack.Event")

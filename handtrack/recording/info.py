@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from handtrack.errors import InputError
-from handtrack.recording.mcap_index import McapIndex, read_index
-from handtrack.recording.mcap_walk import Walk
-from handtrack.recording.mcap_write import METADATA
+from handtrack.mcap.index import McapIndex, read_index
+from handtrack.mcap.walk import Walk
 from handtrack.recording.summary import SUMMARY, HandSummary, read_summary
+from handtrack.recording.write import METADATA
 
 
 def info(path: str | Path) -> dict[str, Any]:
@@ -67,7 +67,7 @@ def _of_index(index: McapIndex, summary: dict[str, Any]) -> dict[str, Any]:
 
 def _of_messages(path: Path, indexed: bool) -> dict[str, Any]:
     """The same, from all messages of a file that has an index, or has none."""
-    from handtrack.recording.mcap_read import Hands
+    from handtrack.recording.read import Hands
 
     walk = Walk(path)
     hands = Hands(walk)

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from handtrack.errors import HandtrackError, InputError, SettingsError
+from handtrack.files.growing import PartFile
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_JOINTS
-from handtrack.recording.mcap_write import CHUNK_BYTES, Choices, HandWriter, RecordingWriter
 from handtrack.recording.mesh_choice import MeshChoice
-from handtrack.recording.part_file import PartFile
+from handtrack.recording.write import CHUNK_BYTES, Choices, HandWriter, RecordingWriter
 from handtrack.tracking.track import Event, Track
 from handtrack.tracking.tracker import TrackedFrame, track_of_frames
 

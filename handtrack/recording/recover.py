@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 from handtrack.errors import InputError
+from handtrack.files.whole import whole_file
+from handtrack.mcap.stream import McapStream
+from handtrack.mcap.walk import Walk
 from handtrack.recording.hand_reader import HandReader
-from handtrack.recording.mcap_read import Hands
-from handtrack.recording.mcap_stream import McapStream
-from handtrack.recording.mcap_walk import Walk
-from handtrack.recording.mcap_write import CHUNK_BYTES
+from handtrack.recording.read import Hands
 from handtrack.recording.summary import SUMMARY, HandSummary, summary_record
-from handtrack.recording.whole_file import whole_file
+from handtrack.recording.write import CHUNK_BYTES
 
 _TAKEN = 4096
 """Frames that wait for the summary."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.mcap.layout import Layout, tag, timestamps, varint
 from handtrack.recording.encode import Times, known_rows, tagged
-from handtrack.recording.layout import Layout, tag, timestamps, varint
-from handtrack.recording.viewer_style import SKINS
 
+SKIN = (226, 178, 148)
+"""Its colour, red, green, blue."""
 _POINT = 29  # bytes of a Point3 in a list: tag, length, three tagged doubles
 
 
@@ -22,7 +23,7 @@ class SceneEncoder:
     """
 
     def __init__(self, topic: str, faces: NDArray[np.int32], vertices: int) -> None:
-        colour = np.array(SKINS[0][:3], np.float64) / 255
+        colour = np.array(SKIN, np.float64) / 255
         triangles = Layout()
         triangles.field(1, Layout().field(2, tag(4, 1) + np.float64(1).tobytes()))
         triangles.slot("points", vertices * _POINT)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
-from handtrack.recording.mcap_index import read_index
-from handtrack.recording.mcap_walk import Walk
-from handtrack.recording.schema import message_class
+from handtrack.mcap.index import read_index
+from handtrack.mcap.schema import message_class
+from handtrack.mcap.walk import Walk
 
 
 class StoredSkin:

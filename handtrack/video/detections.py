@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import HandtrackError, InputError
+from handtrack.files.whole import whole_file
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
-from handtrack.recording.whole_file import whole_file
 from handtrack.sequences.sequence import Sequence
 from handtrack.video.detector import Detection, Detector, MediaPipeDetector
 from handtrack.video.hand_tracks import HandTracks

@@ -15,7 +15,7 @@ import zipfile
 from pathlib import Path
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.recording.whole_file import whole_file
+from handtrack.files.whole import whole_file
 
 NAME = "hand_landmarker.task"
 WHEEL = "mediapipe==0.10.21"

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from handtrack.cameras.camera import Camera
 from handtrack.errors import HandtrackError, SettingsError
+from handtrack.files.whole import whole_file
 from handtrack.hand.skeleton import BONES
-from handtrack.recording.whole_file import whole_file
 from handtrack.tracking.track import Track
 from handtrack.video.media import pictures
 from handtrack.video.optional import opencv

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from handtrack.errors import HandtrackError
 from handtrack.hand.skeleton import N_JOINTS
-from handtrack.recording import viewer_style as style
-from handtrack.recording.picture_log import PictureView
 from handtrack.recording.topics import hand_topics
 from handtrack.tracking.track import Track
 from handtrack.video.media import pictures
 from handtrack.video.optional import opencv
 from handtrack.video.seen import Seen
+from handtrack.viewer import style as style
+from handtrack.viewer.picture_log import PictureView
 
 Array = NDArray[np.float64]
 

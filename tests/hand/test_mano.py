@@ -315,7 +315,7 @@ def test_a_left_hand_with_the_rights_signs_is_repaired(maker, contents, tmp_path
 
 def test_recorded_poses_make_the_recorded_surface(mano, contents, hand, sample, tmp_path):
     """MCAP and .npz of a fitted MANO hand: the equations, fed with them, give its meshes."""
-    from handtrack.recording.export.arrays import arrays
+    from handtrack.exporting.arrays import arrays
 
     sequence = sample.frames(0, 4)
     if hand == "left":

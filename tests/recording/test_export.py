@@ -17,12 +17,12 @@ from made_tracks import make_track, with_skin, without_skin
 import handtrack as ht
 from handtrack.cli import run
 from handtrack.errors import InputError, ModelError, SettingsError
+from handtrack.exporting.bvh import euler_zxy
+from handtrack.exporting.dress import dressed
 from handtrack.hand.reshape import reshaped
 from handtrack.hand.rotations import matrix_to_quaternion, vector_to_matrix
 from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES
-from handtrack.recording.export.bvh import euler_zxy
-from handtrack.recording.export.dress import dressed
-from handtrack.recording.mcap_io import write_mcap
+from handtrack.recording.tracks import write_mcap
 from handtrack.tracking.track import Track
 
 Z_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])

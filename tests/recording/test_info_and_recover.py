@@ -14,13 +14,13 @@ from recording_checks import differences, first_frames, messages
 
 from handtrack.errors import InputError, SettingsError
 from handtrack.hand.model import HandModel
+from handtrack.mcap.index import read_index
 from handtrack.recording.info import info
-from handtrack.recording.mcap_index import read_index
-from handtrack.recording.mcap_io import read_mcap, write_mcap
 from handtrack.recording.mesh_choice import MeshChoice
 from handtrack.recording.recorder import McapRecorder
 from handtrack.recording.recover import recover
 from handtrack.recording.summary import Spread
+from handtrack.recording.tracks import read_mcap, write_mcap
 from handtrack.tracking.track import Track
 
 DATA = Path(__file__).parent / "data"

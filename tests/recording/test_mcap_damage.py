@@ -16,11 +16,12 @@ from made_tracks import make_track
 from recording_checks import differences, first_frames, read_or_error
 
 from handtrack.errors import InputError
-from handtrack.recording import mcap_stream, mcap_write
+from handtrack.mcap import stream as mcap_stream
+from handtrack.mcap.schema import message_class
+from handtrack.recording import write as mcap_write
 from handtrack.recording.info import info
-from handtrack.recording.mcap_io import read_mcap, write_mcap
 from handtrack.recording.recover import recover
-from handtrack.recording.schema import message_class
+from handtrack.recording.tracks import read_mcap, write_mcap
 from handtrack.tracking.track import Track
 
 

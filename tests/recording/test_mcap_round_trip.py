@@ -16,8 +16,8 @@ from recording_checks import differences, first_frames
 from handtrack.errors import HandtrackError, InputError, SettingsError
 from handtrack.hand.limits import Limits
 from handtrack.hand.model import HandModel
-from handtrack.recording import mcap_write
-from handtrack.recording.mcap_io import read_mcap, write_mcap
+from handtrack.recording import write as mcap_write
+from handtrack.recording.tracks import read_mcap, write_mcap
 from handtrack.tracking.track import STATUSES, Event, Track
 
 INT64 = st.integers(-(2**63), 2**63 - 1)
@@ -165,10 +165,10 @@ def test_a_full_disk_leaves_nothing_and_keeps_the_old_file(
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("handtrack.recording.mcap_stream.McapStream.finish", full)
+    monkeypatch.setattr("handtrack.mcap.stream.McapStream.finish", full)
     with pytest.raises(HandtrackError, match="No space left"):
         write_mcap(track, path)
-    monkeypatch.setattr("handtrack.recording.mcap_stream.McapStream.finish", _interrupted)
+    monkeypatch.setattr("handtrack.mcap.stream.McapStream.finish", _interrupted)
     with pytest.raises(KeyboardInterrupt):
         write_mcap(track, path)
     assert [file.name for file in tmp_path.iterdir()] == ["run.mcap"]

@@ -16,10 +16,10 @@ import pytest
 from made_tracks import make_track
 from recording_checks import decoder, messages
 
-from handtrack.recording.mcap_io import write_mcap
 from handtrack.recording.recorder import McapRecorder
-from handtrack.recording.viewer import _executable
+from handtrack.recording.tracks import write_mcap
 from handtrack.tracking.track import Track
+from handtrack.viewer.process import _executable
 
 CHECK = Path(__file__).parent / "mcap_core_check.mjs"
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from recording_checks import rrd_columns
 
-from handtrack.recording import viewer_style as style
-from handtrack.recording.picture_log import BATCH, PictureView
-from handtrack.recording.rerun_log import log_rerun
 from handtrack.tracking.track import Track
+from handtrack.viewer import style as style
+from handtrack.viewer.picture_log import BATCH, PictureView
+from handtrack.viewer.rerun_log import log_rerun
 
 
 def test_pictures_and_their_joints(track: Track, tmp_path: Path) -> None:

@@ -21,9 +21,9 @@ from made_tracks import make_track
 
 import handtrack as ht
 from handtrack.cli import run
-from handtrack.recording.live import LiveViewer
-from handtrack.recording.mcap_io import write_mcap
-from handtrack.recording.replay import replay
+from handtrack.recording.tracks import write_mcap
+from handtrack.viewer.live_viewer import LiveViewer
+from handtrack.viewer.replay import replay
 
 DRIVERS = ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d")
 pytestmark = pytest.mark.skipif(

@@ -22,16 +22,16 @@ from recording_checks import rrd_columns
 from handtrack.errors import HandtrackError, InputError, SettingsError
 from handtrack.hand.limits import preset
 from handtrack.hand.skeleton import ANGLE_JOINT, FINGERS
-from handtrack.recording import viewer_style as style
-from handtrack.recording.eye import Seen, eye
-from handtrack.recording.limit_marks import OUTSIDE, limit_marks
-from handtrack.recording.live import stream
-from handtrack.recording.mcap_io import write_mcap
-from handtrack.recording.replay import replay
-from handtrack.recording.rerun_log import log_rerun
-from handtrack.recording.shown import Run, shown
+from handtrack.recording.tracks import write_mcap
 from handtrack.recording.window import rows
 from handtrack.tracking.track import Track
+from handtrack.viewer import style as style
+from handtrack.viewer.eye import Seen, eye
+from handtrack.viewer.limit_marks import OUTSIDE, limit_marks
+from handtrack.viewer.live_viewer import stream
+from handtrack.viewer.replay import replay
+from handtrack.viewer.rerun_log import log_rerun
+from handtrack.viewer.shown import Run, shown
 
 
 def content(path: Path | None) -> dict[str, dict[str, list[Any]]]:
@@ -138,7 +138,7 @@ def test_other_limits_show_what_is_outside(recording: Path, track: Track, tmp_pa
 def test_many_frames_are_shown_without_the_skin(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("handtrack.recording.replay.MOST_SKINS", 59)
+    monkeypatch.setattr("handtrack.viewer.replay.MOST_SKINS", 59)
     said: list[str] = []
     found = content(replay(recording, save=tmp_path / "x.rrd", say=said.append))
     assert "/world/right/skin" not in found
@@ -233,7 +233,7 @@ def test_the_web_viewer_listens_on_loopback_and_goes(
         "import signal, sys\n"
         # shells start background jobs with SIGINT ignored
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "from handtrack.recording.replay import replay\n"
+        "from handtrack.viewer.replay import replay\n"
         f"replay({str(recording)!r}, web=True, open_viewer=False,"
         " say=lambda address: print(address, flush=True))\n"
     )

@@ -18,12 +18,12 @@ from recording_checks import rrd_columns
 from rerun.chunk import RrdReader
 
 from handtrack.errors import HandtrackError, InputError, SettingsError
+from handtrack.hand.normals import VertexNormals
 from handtrack.hand.skeleton import FINGERS
-from handtrack.recording.eye import Seen, eye
-from handtrack.recording.hand_log import BATCH, HandLog
-from handtrack.recording.normals import VertexNormals
-from handtrack.recording.rerun_log import log_rerun
 from handtrack.tracking.track import Track
+from handtrack.viewer.eye import Seen, eye
+from handtrack.viewer.hand_log import BATCH, HandLog
+from handtrack.viewer.rerun_log import log_rerun
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -211,7 +211,7 @@ def test_long_recordings_are_sent_in_small_pieces(
 ) -> None:
     """A viewer looks through whole pieces, and shows a frame the sooner the smaller they are."""
     whole = log_rerun(track, save=tmp_path / "whole.rrd", mesh=False)
-    monkeypatch.setattr("handtrack.recording.hand_log.ROWS", 16)
+    monkeypatch.setattr("handtrack.viewer.hand_log.ROWS", 16)
     pieces = log_rerun(track, save=tmp_path / "pieces.rrd", mesh=False)
     assert whole is not None
     assert pieces is not None
@@ -269,7 +269,7 @@ def test_a_full_disk_leaves_nothing(tmp_path: Path) -> None:
         sys.path.insert(0, {str(Path(__file__).parent)!r})
         from made_tracks import make_track
         from handtrack.errors import HandtrackError
-        from handtrack.recording.rerun_log import log_rerun
+        from handtrack.viewer.rerun_log import log_rerun
         try:
             log_rerun(make_track(100), save={str(tmp_path / "x.rrd")!r})
         except HandtrackError as error:

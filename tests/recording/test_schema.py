@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
-from handtrack.recording.schema import array_class, descriptor_set, message_class
+from handtrack.mcap.schema import array_class, descriptor_set, message_class
 
 # from the schemas that Foxglove publishes (foxglove-schemas-protobuf 0.4)
 FOXGLOVE = {
@@ -40,7 +40,7 @@ FOXGLOVE = {
 
 def test_compiled_schemas_are_up_to_date(tmp_path: Path) -> None:
     pytest.importorskip("grpc_tools", reason="grpcio-tools compiles .proto files")
-    folder = Path(str(files("handtrack.recording")))
+    folder = Path(str(files("handtrack.mcap")))
     out = tmp_path / "schemas.binpb"
     command = [sys.executable, "-m", "grpc_tools.protoc", f"-I{folder}", "--include_imports"]
     command += [f"--descriptor_set_out={out}", "handtrack.proto", "foxglove.proto"]

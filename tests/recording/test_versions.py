@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from handtrack.recording.hand_reader import VERSIONS
-from handtrack.recording.mcap_io import read_mcap
-from handtrack.recording.mcap_write import FORMAT_VERSION
+from handtrack.recording.tracks import read_mcap
+from handtrack.recording.write import FORMAT_VERSION
 
 DATA = Path(__file__).parent / "data"
 """versionN.mcap as that version wrote it, versionN.json: hashes of the arrays it held."""

@@ -273,7 +273,7 @@ def test_bad_own_recordings(tmp_path, right):
 
 def test_what_the_recorder_writes(tmp_path, left):
     """The recorder and this reader are written apart: they must agree on the file."""
-    io = pytest.importorskip("handtrack.recording.mcap_io")
+    io = pytest.importorskip("handtrack.recording.tracks")
     track = make_track(left)
     io.write_mcap([track], tmp_path / "t.mcap")
     (sequence,) = ht.load(tmp_path / "t.mcap")

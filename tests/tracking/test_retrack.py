@@ -10,9 +10,9 @@ import pytest
 import handtrack as ht
 from handtrack.evaluation.difference import difference, differences
 from handtrack.hand.skeleton import JOINT_NAMES
+from handtrack.recording.retrack import as_stored, retrack
 from handtrack.sequences.sequence import Remark
 from handtrack.tracking.filter_settings import FILTERS
-from handtrack.tracking.retrack import as_stored, retrack
 
 
 @pytest.fixture(scope="module")

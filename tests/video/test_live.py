@@ -15,9 +15,9 @@ import handtrack as ht
 from handtrack.calibration.online import OnlineCalibration
 from handtrack.cli import run
 from handtrack.errors import InputError
+from handtrack.live.live import LiveFrame, RecorderSink, from_lines, run_live, size_of
+from handtrack.live.sources import Newest
 from handtrack.tracking.tracker import Tracker
-from handtrack.video.live import LiveFrame, RecorderSink, from_lines, run_live, size_of
-from handtrack.video.live_frames import Newest
 
 RIGHT = ht.HandModel.default("right").scaled(0.9)
 CHOICES = {"mesh": "none", "compression": "lz4", "foxglove_mesh": False}

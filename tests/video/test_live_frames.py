@@ -9,7 +9,7 @@ import threading
 import pytest
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.video.live_frames import Newest, datagrams, in_background, lines
+from handtrack.live.sources import Newest, datagrams, in_background, lines
 
 
 def test_a_slow_reader_gets_the_newest_and_the_count():

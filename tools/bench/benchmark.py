@@ -37,11 +37,11 @@ from handtrack.fitting.batch import fit_batch
 from handtrack.hand.limits import DEFAULT_LIMITS, PRESETS
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import quaternion_to_matrix
-from handtrack.recording.mcap_io import write_mcap
-from handtrack.recording.rerun_log import log_rerun
+from handtrack.recording.tracks import write_mcap
 from handtrack.sequences.sequence import Sequence
 from handtrack.tracking.track import Track
 from handtrack.tracking.tracker import Tracker, track
+from handtrack.viewer.rerun_log import log_rerun
 from tools.bench.noise_study import fitted, noisy_motion, noisy_poses, random_angles
 from tools.bench.peers import peers
 from tools.make.mano_like import make_mano_like, write_pickle

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import SettingsError
+from handtrack.exporting.motion import Motion, offsets
+from handtrack.exporting.skin import Skin, skin
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import matrix_to_quaternion
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS, PARENTS, PART_JOINT, TIPS
-from handtrack.recording.export.motion import Motion, offsets
-from handtrack.recording.export.skin import Skin, skin
 
 # numbers of glTF 2.0, section 3.6 and 3.7
 _FLOAT, _UBYTE, _USHORT, _UINT = 5126, 5121, 5123, 5125

@@ -14,14 +14,14 @@ import numpy as np
 
 from handtrack.errors import HandtrackError, SettingsError
 from handtrack.hand.limits import Limits
-from handtrack.recording.blueprint import blueprint
-from handtrack.recording.eye import Seen, eye
-from handtrack.recording.hand_log import HandLog
-from handtrack.recording.rerun_log import APPLICATION
-from handtrack.recording.shown import Shown, origin_ns
-from handtrack.recording.viewer import answers, free_port, grpc_address, viewer, wait_for
 from handtrack.recording.window import rows
 from handtrack.tracking.track import Track
+from handtrack.viewer.blueprint import blueprint
+from handtrack.viewer.eye import Seen, eye
+from handtrack.viewer.hand_log import HandLog
+from handtrack.viewer.process import answers, free_port, grpc_address, viewer, wait_for
+from handtrack.viewer.rerun_log import APPLICATION
+from handtrack.viewer.shown import Shown, origin_ns
 
 if TYPE_CHECKING:
     import rerun as rr

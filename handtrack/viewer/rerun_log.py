@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from handtrack.errors import SettingsError
+from handtrack.files.whole import whole_file
 from handtrack.hand.limits import Limits
-from handtrack.recording import viewer_style as style
-from handtrack.recording.blueprint import blueprint
 from handtrack.recording.distances import mean_and_max
-from handtrack.recording.hand_log import HandLog, indexes
-from handtrack.recording.picture_log import PictureView, log_pictures
-from handtrack.recording.rrd_file import rrd_file
-from handtrack.recording.shown import Run, Shown, counterpart, origin_ns, shown
-from handtrack.recording.whole_file import whole_file
 from handtrack.tracking.track import Track
+from handtrack.viewer import style as style
+from handtrack.viewer.blueprint import blueprint
+from handtrack.viewer.hand_log import HandLog, indexes
+from handtrack.viewer.picture_log import PictureView, log_pictures
+from handtrack.viewer.rrd_file import rrd_file
+from handtrack.viewer.shown import Run, Shown, counterpart, origin_ns, shown
 
 if TYPE_CHECKING:
     import rerun as rr

@@ -12,12 +12,12 @@ import numpy as np
 
 from handtrack import __version__
 from handtrack.errors import SettingsError
+from handtrack.mcap.schema import JOINT_STATE_NAME, JOINT_STATE_ROS2, descriptor_set
+from handtrack.mcap.stream import McapStream
 from handtrack.recording import encode
 from handtrack.recording.log_lines import Line, log_lines
-from handtrack.recording.mcap_stream import McapStream
 from handtrack.recording.mesh_choice import MeshChoice
 from handtrack.recording.scene import SceneEncoder
-from handtrack.recording.schema import JOINT_STATE_NAME, JOINT_STATE_ROS2, descriptor_set
 from handtrack.recording.summary import SUMMARY, HandSummary, summary_record
 from handtrack.recording.topics import hand_topics
 from handtrack.tracking.track import Event, Track

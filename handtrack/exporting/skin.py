@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.hand.model import HandModel
+from handtrack.hand.normals import VertexNormals
 from handtrack.hand.skeleton import BONES, PART_JOINT
-from handtrack.recording.normals import VertexNormals
 
 Array = NDArray[np.float64]
 

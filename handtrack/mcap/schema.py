@@ -2,7 +2,7 @@
 
 `handtrack.proto` and `foxglove.proto` say what they are; `schemas.binpb` is the two, compiled:
 
-    cd handtrack/recording
+    cd handtrack/mcap
     python -m grpc_tools.protoc -I. --include_imports --descriptor_set_out=schemas.binpb \\
         handtrack.proto foxglove.proto
 
@@ -43,7 +43,7 @@ uint32 nanosec
 def _compiled() -> FileDescriptorSet:
     from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
-    data = (files("handtrack.recording") / "schemas.binpb").read_bytes()
+    data = (files("handtrack.mcap") / "schemas.binpb").read_bytes()
     return FileDescriptorSet.FromString(data)
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from handtrack.hand.skeleton import ANGLE_NAMES, FINGERS
+from handtrack.recording.scene import SKIN
 
 Colour = tuple[int, int, int, int]
 
 SKINS: tuple[Colour, ...] = (
-    (226, 178, 148, 150),
+    (*SKIN, 150),
     (141, 178, 214, 150),
     (170, 206, 150, 150),
     (214, 160, 200, 150),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from handtrack.errors import SettingsError
 from handtrack.recording.info import info
-from handtrack.recording.mcap_io import read_mcap
+from handtrack.recording.tracks import read_mcap
 from handtrack.recording.window import pick
 from handtrack.tracking.track import Track
 

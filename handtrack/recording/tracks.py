@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from handtrack.errors import SettingsError
-from handtrack.recording.whole_file import whole_file
+from handtrack.files.whole import whole_file
 from handtrack.tracking.track import Track
 
 
@@ -45,8 +45,8 @@ def write_mcap(
             not plain JSON, or mesh or compression are unknown.
         HandtrackError: writing failed (a full disk, no permission).
     """
-    from handtrack.recording.mcap_write import Choices, write_messages
     from handtrack.recording.mesh_choice import MeshChoice
+    from handtrack.recording.write import Choices, write_messages
 
     choices = Choices(MeshChoice.of(mesh), foxglove_mesh, compression)
     tracks = [tracks] if isinstance(tracks, Track) else list(tracks)
@@ -80,7 +80,7 @@ def read_mcap(
         InputError: there is no such file, it is not such a recording, it is damaged (with
             the place), or nothing of it is whole.
     """
-    from handtrack.recording.mcap_read import read_tracks
+    from handtrack.recording.read import read_tracks
 
     return read_tracks(Path(path), start_ns, end_ns)
 
@@ -102,6 +102,6 @@ def follow_mcap(
     Raises:
         InputError: as `read_mcap`.
     """
-    from handtrack.recording.mcap_read import follow_tracks
+    from handtrack.recording.read import follow_tracks
 
     return follow_tracks(Path(path), poll_s, timeout_s)

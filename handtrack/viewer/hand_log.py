@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.hand.limits import Limits
+from handtrack.hand.normals import VertexNormals
 from handtrack.hand.skeleton import ANGLE_JOINT, BONES, FINGERS, JOINT_NAMES
-from handtrack.recording import viewer_style as style
 from handtrack.recording.distances import mean_and_max
-from handtrack.recording.limit_marks import HELD, OUTSIDE, limit_marks
 from handtrack.recording.log_lines import log_lines
-from handtrack.recording.normals import VertexNormals
-from handtrack.recording.shown import Shown
 from handtrack.tracking.track import Track
+from handtrack.viewer import style as style
+from handtrack.viewer.limit_marks import HELD, OUTSIDE, limit_marks
+from handtrack.viewer.shown import Shown
 
 if TYPE_CHECKING:
     import rerun as rr

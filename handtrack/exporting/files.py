@@ -10,13 +10,13 @@ import numpy as np
 
 from handtrack import __version__
 from handtrack.errors import SettingsError
-from handtrack.recording.export.arrays import write_npz
-from handtrack.recording.export.bvh import UNITS, write_bvh
-from handtrack.recording.export.gltf import Hand, write_glb
-from handtrack.recording.export.motion import motion
-from handtrack.recording.export.table import write_csv, write_parquet
+from handtrack.exporting.arrays import write_npz
+from handtrack.exporting.bvh import UNITS, write_bvh
+from handtrack.exporting.gltf import Hand, write_glb
+from handtrack.exporting.motion import motion
+from handtrack.exporting.table import write_csv, write_parquet
+from handtrack.files.whole import whole_file
 from handtrack.recording.topics import hand_topics
-from handtrack.recording.whole_file import whole_file
 from handtrack.tracking.track import Track
 
 FORMATS = (".csv", ".parquet", ".npz", ".bvh", ".glb")

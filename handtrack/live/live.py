@@ -18,7 +18,7 @@ from handtrack.calibration.online import OnlineCalibration
 from handtrack.errors import InputError
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import BONES, HANDS, N_JOINTS, Hand
-from handtrack.recording.live import LiveViewer
+from handtrack.live.sources import Newest
 from handtrack.recording.recorder import McapRecorder
 from handtrack.sequences.assemble import Given, assemble
 from handtrack.sequences.readers.json_file import read_lines
@@ -26,8 +26,8 @@ from handtrack.tracking.track import Event
 from handtrack.tracking.tracker import TrackedFrame, Tracker, frame_events, track_of_frames
 from handtrack.video.detector import Detector
 from handtrack.video.hand_tracks import HandTracks
-from handtrack.video.live_frames import Newest
 from handtrack.video.media import Picture
+from handtrack.viewer.live_viewer import LiveViewer
 
 Array = NDArray[np.float64]
 

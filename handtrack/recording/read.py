@@ -11,20 +11,20 @@ from typing import IO
 import numpy as np
 
 from handtrack.errors import InputError
+from handtrack.mcap.index import McapIndex, read_index
+from handtrack.mcap.walk import MAGIC, Found, Walk, opened
 from handtrack.recording.hand_reader import OURS, VERSIONS, HandReader
-from handtrack.recording.mcap_index import McapIndex, read_index
-from handtrack.recording.mcap_walk import MAGIC, Found, Walk, opened
-from handtrack.recording.mcap_write import METADATA
 from handtrack.recording.stored_skin import StoredSkin
 from handtrack.recording.summary import SUMMARY, read_summary
 from handtrack.recording.window import between
+from handtrack.recording.write import METADATA
 from handtrack.tracking.track import Track
 
 _INT64 = np.iinfo(np.int64)
 
 
 def read_tracks(path: Path, start_ns: int | None, end_ns: int | None) -> list[Track]:
-    """The Tracks of a file; see `handtrack.recording.mcap_io.read_mcap`."""
+    """The Tracks of a file; see `handtrack.recording.tracks.read_mcap`."""
     part = start_ns is not None or end_ns is not None
     first, last = _INT64.min if start_ns is None else start_ns, end_ns
     last = _INT64.max if last is None else last
@@ -66,7 +66,7 @@ def _indexed(index: McapIndex, first: int, last: int) -> list[Track]:
 
 
 def follow_tracks(path: Path, poll_s: float, timeout_s: float) -> Iterator[Track]:
-    """The Tracks of a file that grows; see `handtrack.recording.mcap_io.follow_mcap`."""
+    """The Tracks of a file that grows; see `handtrack.recording.tracks.follow_mcap`."""
     walk = Walk(path)
     hands = Hands(walk)
     size, since = 0, time.monotonic()

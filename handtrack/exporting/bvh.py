@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import SettingsError
+from handtrack.exporting.motion import Motion, offsets
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import matrix_to_vector, vector_to_matrix
 from handtrack.hand.skeleton import BASES, JOINT_NAMES
-from handtrack.recording.export.motion import Motion, offsets
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from handtrack.hand.skeleton import FINGERS
-from handtrack.recording.eye import Eye, Seen, eye
-from handtrack.recording.shown import Shown, counterpart
+from handtrack.viewer.eye import Eye, Seen, eye
+from handtrack.viewer.shown import Shown, counterpart
 
 if TYPE_CHECKING:
     import rerun.blueprint as rrb

@@ -10,13 +10,11 @@ from pathlib import Path
 
 from handtrack.errors import HandtrackError, SettingsError
 from handtrack.hand.limits import Limits, preset
-from handtrack.recording.blueprint import blueprint
-from handtrack.recording.eye import Seen, eye
-from handtrack.recording.live import DEFAULT_ADDRESS, connected, stream
-from handtrack.recording.part import read_part
-from handtrack.recording.rerun_log import log_hands, save_hands
-from handtrack.recording.shown import Run, Shown, on_one_clock, shown
-from handtrack.recording.viewer import (
+from handtrack.recording.cut import read_part
+from handtrack.viewer.blueprint import blueprint
+from handtrack.viewer.eye import Seen, eye
+from handtrack.viewer.live_viewer import DEFAULT_ADDRESS, connected, stream
+from handtrack.viewer.process import (
     free_port,
     grpc_address,
     page_address,
@@ -25,6 +23,8 @@ from handtrack.recording.viewer import (
     viewer,
     wait_for,
 )
+from handtrack.viewer.rerun_log import log_hands, save_hands
+from handtrack.viewer.shown import Run, Shown, on_one_clock, shown
 
 MOST_SKINS = 20_000
 """More frames are shown without the skin, unless it is asked for: a viewer needs 56 kB for each."""

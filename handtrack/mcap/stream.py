@@ -13,7 +13,7 @@ from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
-from handtrack.recording.mcap_walk import MAGIC
+from handtrack.mcap.walk import MAGIC
 
 if TYPE_CHECKING:
     from mcap.records import McapRecord, MetadataIndex, SummaryOffset
