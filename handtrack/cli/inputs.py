@@ -31,6 +31,7 @@ class Reading(NamedTuple):
     format: str | None = None
     mano: Path | None = None
     mano_tips: str = "smplx"
+    time_unit: str | None = None
 
     def load(
         self, path: Path, quiet: bool = False, found: Detections | None = None
@@ -58,6 +59,7 @@ class Reading(NamedTuple):
                 format=self.format,
                 mano=self.mano,
                 mano_tips=self.mano_tips,
+                time_unit=self.time_unit,
             )
         for sequence in sequences if not quiet else ():
             for note in sequence.notes:
@@ -113,6 +115,11 @@ def reading_options(command: _Command) -> _Command:
     """Give a command the options that make a `Reading`."""
     for option in (
         click.option("--fps", type=float, help="Frame rate, instead of the file's times."),
+        click.option(
+            "--time-unit",
+            type=click.Choice(["s", "ms", "us", "ns"]),
+            help="Unit of the file's times, where it does not say or is wrong.",
+        ),
         click.option("--order", metavar="NAME", help="Joint order, where the file does not say."),
         click.option("--unit", type=click.Choice(["m", "cm", "mm"]), help="Unit of the joints."),
         click.option(

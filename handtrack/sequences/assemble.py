@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError, SettingsError
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS, ORDER_JOINTS, ORDERS
-from handtrack.sequences.readers.raw import METRES, Array, Raw, Unit, seconds_to_ns
+from handtrack.sequences.clock import UNIT_NS, Clock, TimeUnit, check_fps, read_clock
+from handtrack.sequences.readers.raw import METRES, Array, Raw, Unit
 from handtrack.sequences.sequence import Sequence
 
-DEFAULT_FPS = 30.0
 FARTHEST = 1e6
 """[m] No hand is farther from the origin; damaged numbers are."""
 _BY_COUNT = {21: "handtrack", 25: "webxr", 26: "openxr"}
@@ -26,11 +26,13 @@ class Given:
         unit: unit of the joints.
         order: a name of `skeleton.ORDERS`.
         fps: frames per second, instead of the source's times.
+        time_unit: of the source's times.
     """
 
     unit: Unit | None = None
     order: str | None = None
     fps: float | None = None
+    time_unit: TimeUnit | None = None
 
 
 def assemble(raw: Raw, given: Given) -> Sequence:
@@ -58,15 +60,19 @@ def assemble(raw: Raw, given: Given) -> Sequence:
             if confidence.ndim == 1
             else confidence[:, pick]
         )
-    time_ns, note = _time(raw, given)
-    notes += [] if note is None else [note]
+    clock = _clock(raw, given)
+    notes += clock.notes
+    rows = clock.rows
+    truth = None if raw.truth is None else raw.truth[:, pick] * METRES[unit]
     return Sequence(
-        time_ns=time_ns,
-        joints=joints,
-        confidence=confidence,  # type: ignore[arg-type]
+        time_ns=clock.time_ns,
+        joints=joints[rows],
+        confidence=None if confidence is None else confidence[rows],  # type: ignore[arg-type]
         hand=raw.hand or "right",
-        frame_index=raw.frame_index,  # type: ignore[arg-type]
-        truth=None if raw.truth is None else raw.truth[:, pick] * METRES[unit],
+        frame_index=None if raw.frame_index is None else raw.frame_index[rows],  # type: ignore[arg-type]
+        truth=None if truth is None else truth[rows],
+        timed=clock.stated,
+        numbered=raw.frame_index is not None,
         name=raw.name,
         source=str(raw.path),
         subject=raw.subject,
@@ -124,27 +130,38 @@ def _without_marks(joints: Array) -> tuple[Array, int]:
     return joints, int(marked.sum())
 
 
-def _time(raw: Raw, given: Given) -> tuple[NDArray[np.int64], str | None]:
-    if given.fps is None and raw.time_ns is not None:
-        return raw.time_ns, None
-    fps = given.fps or raw.fps or DEFAULT_FPS
-    frame = np.arange(len(raw.joints)) if raw.frame_index is None else raw.frame_index
-    assumed = given.fps is None and raw.fps is None and len(frame) > 1
-    note = f"no time in the file: {DEFAULT_FPS:g} frames/s assumed (--fps)" if assumed else None
-    return seconds_to_ns(frame / fps, raw.path), note
+def _clock(raw: Raw, given: Given) -> Clock:
+    if raw.time_ns is not None and given.fps is None:
+        return Clock(np.arange(len(raw.joints)), raw.time_ns, (), True)
+    return read_clock(
+        len(raw.joints),
+        raw.path,
+        raw.stamps,
+        raw.frame_index,
+        raw.fps,
+        given.fps,
+        given.time_unit,
+    )
 
 
-def check_settings(unit: str | None, order: str | None, fps: float | None) -> Given:
+def check_settings(
+    unit: str | None, order: str | None, fps: float | None, time_unit: str | None = None
+) -> Given:
     """The caller's settings, checked.
 
     Raises:
-        SettingsError: an unknown unit or order, with those that are known, or an unusable fps.
+        SettingsError: an unknown unit, order or unit of time, with those that are known, or an
+            unusable fps.
     """
     known = next((u for u in METRES if u == unit), None)
     if unit is not None and known is None:
         raise SettingsError(f"unknown unit {unit!r}, expected one of {', '.join(METRES)}")
     if order is not None and order not in ORDERS:
         raise SettingsError(f"unknown joint order {order!r}, expected one of {', '.join(ORDERS)}")
-    if fps is not None and not (np.isfinite(fps) and fps > 0):
-        raise SettingsError(f"fps is {fps}, expected a number above 0")
-    return Given(known, order, None if fps is None else float(fps))
+    of_time = next((u for u in UNIT_NS if u == time_unit), None)
+    if time_unit is not None and of_time is None:
+        raise SettingsError(
+            f"unknown unit of time {time_unit!r}, expected one of {', '.join(UNIT_NS)}"
+        )
+    check_fps(fps)
+    return Given(known, order, None if fps is None else float(fps), of_time)

@@ -29,6 +29,7 @@ def load(
     format: str | None = None,
     mano: str | PathLike[str] | None = None,
     mano_tips: str = "smplx",
+    time_unit: str | None = None,
 ) -> list[Sequence]:
     """Joint sequences from a file or a folder; the format is recognised by content.
 
@@ -56,6 +57,7 @@ def load(
         mano: your MANO files, for inputs that hold MANO parameters: a file, or a folder with
             MANO_RIGHT.pkl and MANO_LEFT.pkl.
         mano_tips: whose vertices are the fingertips (`handtrack.hand.mano.TIP_VERTICES`).
+        time_unit: "s", "ms", "us" or "ns", instead of what the source says or its times suggest.
 
     Returns:
         At least one sequence, in order of path, person and hand, with different names.
@@ -63,11 +65,11 @@ def load(
     Raises:
         InputError: nothing there, nothing readable, or a file that is damaged, cut short or not
             as its format says; the message starts with the file and is one line.
-        SettingsError: unknown unit, order, hand or format (with those that are known), fps not
-            above zero, frames the wrong way round.
+        SettingsError: unknown unit, order, hand, format or unit of time (with those that are
+            known), fps not above zero, frames the wrong way round.
     """
     where = Path(path)
-    given = check_settings(unit, order, fps)
+    given = check_settings(unit, order, fps, time_unit)
     choice = _hand_choice(hand)
     _check_frames(frames)
     check_format(format)

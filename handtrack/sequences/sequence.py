@@ -44,6 +44,8 @@ class Sequence:
         subject: who, where the source says so.
         notes: what the reader wants the user to know, one line each.
         remarks: what was done to single frames, in order of time.
+        timed: whether the source says how fast time goes; else a rate was assumed.
+        numbered: whether `frame_index` is the source's; else frames were counted.
 
     Raises:
         InputError: wrong shapes, no frames, no joint at all, infinite values, confidence
@@ -61,6 +63,8 @@ class Sequence:
     subject: str = ""
     notes: tuple[str, ...] = ()
     remarks: tuple[Remark, ...] = ()
+    timed: bool = True
+    numbered: bool = True
 
     def __post_init__(self) -> None:
         where = self.source or None

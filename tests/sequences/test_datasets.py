@@ -288,7 +288,7 @@ def test_a_list_of_frames_with_a_list_of_hands(tmp_path, left):
         ({"wrist": [1, 2]}, "line 3: wrist is no position"),
         ({"sixth-finger-tip": [1, 2, 3]}, "line 3: joint 'sixth-finger-tip' is unknown"),
         ({"hand": "both"}, "line 3: hand is 'both'"),
-        ({"time_ms": "now"}, "line 3: time_ms is not a number"),
+        ({"time_ms": "now"}, "line 3: time_ms is 'now', expected a number"),
     ],
 )
 def test_xr_frames_that_do_not_fit(tmp_path, left, change, message):

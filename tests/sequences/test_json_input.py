@@ -151,10 +151,9 @@ def test_wrong_lines_name_the_line(write, right):
     for bad, message in [
         ('{"joints": [1, 2', r"the JSON is cut short.*\(line 3\)"),
         ('{"joints": [1, 2], "time": 1}', r"line 3: joints has shape \(2,\)"),
-        (json.dumps(good | {"time": "now"}), "line 3: time is not a number"),
+        (json.dumps(good | {"time": "now"}), "line 3: time is 'now', expected a number"),
         (json.dumps(good | {"hand": "up"}), "line 3: hand is 'up'"),
         (json.dumps(good | {"confidence": [1, 2]}), r"line 3: confidence has shape \(2,\)"),
-        (json.dumps(good | {"time": 0.1}), "time does not increase"),
         ("[1, 2]", "line 3 is not an object"),
     ]:
         lines = [json.dumps(good), json.dumps(good | {"time": 0.2}), bad]

@@ -125,14 +125,9 @@ def test_marks_of_missing_joints(tmp_path, right, mark):
         ({"joints": np.array([[{}]])}, "pickled Python objects"),
         ({"joints": "R", "joints_m": "R"}, "both joints and joints_m|both joints_m and joints"),
         ({"joints": "R", "hand": "both"}, "hand is 'both', expected left or right"),
-        ({"joints": "R", "fps": 0.0}, "fps is 0.0, expected a number above 0"),
-        ({"joints": "R", "fps": np.zeros(2)}, r"fps has shape \(2,\), expected one number"),
-        ({"joints": "R", "time_ns": np.zeros(12, int)}, "time does not increase: frame 0"),
-        (
-            {"joints": "R", "time": np.arange(11.0)},
-            r"time has shape \(11,\), expected shape \(12,\)",
-        ),
-        ({"joints": "R", "time": np.full(12, np.nan)}, "frame 0: time is nan"),
+        ({"joints": "R", "fps": 0.0}, "fps is 0, expected a number above 0"),
+        ({"joints": "R", "fps": np.zeros(2)}, r"fps is \'\[0. 0.\]\', expected a number"),
+        ({"joints": "R", "time": np.arange(11.0)}, "time has 11 stamps for 12 frames"),
         ({"joints": "R", "confidence": np.full((12, 21), 2.0)}, "confidence must lie in 0..1"),
         (
             {"joints": "R", "confidence": np.ones((12, 20))},

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import ORDER_JOINTS
+from handtrack.sequences.clock import Stamps, TimeUnit
 from handtrack.sequences.readers.raw import (
     METRES,
     Array,
@@ -28,7 +29,6 @@ from handtrack.sequences.readers.raw import (
     as_fps,
     as_hand,
     as_unit,
-    seconds_to_ns,
     stem,
 )
 
@@ -38,8 +38,14 @@ JOINT_KEYS: dict[str, Unit | None] = dict.fromkeys(_STEMS) | {
     f"{s}_{u}": u for s in _STEMS for u in METRES
 }
 """Names under which joints are found, with the unit that the name states."""
-TIME_KEYS = {"time_ns": 1, "time_us": 10**3, "time_ms": 10**6, "time_s": 10**9, "time": 10**9}
-"""Names of times, with one of each in nanoseconds."""
+TIME_KEYS: dict[str, TimeUnit | None] = {
+    "time_ns": "ns",
+    "time_us": "us",
+    "time_ms": "ms",
+    "time_s": "s",
+    "time": None,
+}
+"""Names of times, with the unit that the name states."""
 FRAME_KEYS = ("frame_index", "frame")
 
 
@@ -62,12 +68,12 @@ def from_fields(fields: Mapping[str, Any], path: Path) -> Raw:
     if fields.get("order") is not None:
         raw.order = str(fields["order"])
     if fields.get("fps") is not None:
-        raw.fps = as_fps(float(numbers(fields["fps"], path, "fps", ())), path)
+        raw.fps = as_fps(fields["fps"], path)
     raw.name = str(fields.get("name") or raw.name)
     raw.subject = str(fields.get("subject") or "")
-    for time_key, factor in TIME_KEYS.items():
+    for time_key, time_unit in TIME_KEYS.items():
         if fields.get(time_key) is not None:
-            raw.time_ns = times(fields[time_key], factor, n, path, time_key)
+            raw.stamps = Stamps(fields[time_key], time_key, time_unit)
             break
     for frame_key in FRAME_KEYS:
         if fields.get(frame_key) is not None:
@@ -210,25 +216,6 @@ def numbers(value: Any, path: Path, what: str, shape: tuple[int, ...]) -> Array:
         expected = f"shape {shape}" if shape else "one number"
         raise InputError(f"{what} has shape {array.shape}, expected {expected}", path)
     return array.astype(np.float64)
-
-
-def times(value: Any, unit_ns: int, n: int, path: Path, what: str = "time") -> NDArray[np.int64]:
-    """(n,) int64 nanoseconds from times of which one unit is `unit_ns` [ns].
-
-    Raises:
-        InputError: not n finite numbers.
-    """
-    try:
-        exact = np.atleast_1d(np.array(value))
-    except ValueError:
-        raise InputError(f"{what} is ragged, expected {n} numbers", path) from None
-    if exact.dtype.kind in "iu" and exact.shape == (n,):
-        # whole numbers keep all their digits; floats cannot hold today's nanoseconds
-        limit = np.iinfo(np.int64).max // unit_ns
-        if (exact > limit).any() or (exact.astype(np.float64) < -limit).any():
-            raise InputError(f"{what} is too large", path)
-        return exact.astype(np.int64) * unit_ns
-    return seconds_to_ns(numbers(exact, path, what, (n,)) * (unit_ns * 1e-9), path)
 
 
 def frame_numbers(value: Any, n: int, path: Path, what: str) -> NDArray[np.int64]:

@@ -9,6 +9,7 @@ frames of both hands may alternate.
 from __future__ import annotations
 
 from collections.abc import Sequence as Items
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -132,9 +133,11 @@ def _group(values: list[dict[str, Any]], places: list[Where], path: Path) -> Raw
         joints.append(frame)
     merged[key] = _stack(joints, places, path)
     for name in (*TIME_KEYS, *FRAME_KEYS):
-        merged[name] = _column(values, places, name, path)
+        merged[name] = _column(values, name)
     merged["confidence"] = _confidences(values, places, merged[key].shape[1], path)
-    return from_fields(merged, path)
+    raw = from_fields(merged, path)
+    raw.stamps = raw.stamps and replace(raw.stamps, places=places)
+    return raw
 
 
 def _stack(frames: Items[np.ndarray[Any, Any] | None], places: list[Where], path: Path) -> Any:
@@ -151,15 +154,10 @@ def _stack(frames: Items[np.ndarray[Any, Any] | None], places: list[Where], path
     return np.concatenate([blank if f is None else f for f in frames])
 
 
-def _column(values: list[dict[str, Any]], places: list[Where], name: str, path: Path) -> Any:
+def _column(values: list[dict[str, Any]], name: str) -> Any:
     """One value a frame under that name; None where no frame has it."""
     column = [v.get(name) for v in values]
-    if all(c is None for c in column):
-        return None
-    for value, place in zip(column, places, strict=True):
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"{place}: {name} is not a number", path)
-    return column
+    return None if all(c is None for c in column) else column
 
 
 def _confidences(

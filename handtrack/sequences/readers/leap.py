@@ -18,6 +18,7 @@ import numpy as np
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import N_JOINTS, Hand
+from handtrack.sequences.clock import Stamps
 from handtrack.sequences.readers.jsontext import decode, misfit
 from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, as_fps, stem, within
 
@@ -102,7 +103,7 @@ def read_leap(data: bytes, path: Path) -> list[Raw]:
             track.ids.append(hand.id)
     if not seen:
         raise NotJointsError(f"no hand with finger joints in {len(frames)} Leap frames", path)
-    stamps = _stamps(frames, path)
+    stamps = _stamps(frames)
     fps = None if stamps is not None else _rate(frames, recording, path)
     raws = []
     for label, tracks in sorted(seen.items()):
@@ -120,7 +121,7 @@ def read_leap(data: bytes, path: Path) -> list[Raw]:
                     stem(path) if len(tracks) == 1 else f"{stem(path)} hand{number}",
                     hand=label,
                     unit="mm",
-                    time_ns=None if stamps is None else stamps[at],
+                    stamps=None if stamps is None else stamps.take(at),
                     frame_index=at,
                     fps=fps,
                     confidence=confidence,
@@ -205,23 +206,15 @@ def _unpack(names: Any, values: Any, where: str, path: Path) -> dict[str, Any]:
     return out
 
 
-def _stamps(frames: list[_LeapFrame], path: Path) -> np.ndarray[Any, np.dtype[np.int64]] | None:
-    """(frames,) times [ns] from the frames' microseconds, None where they have none."""
+def _stamps(frames: list[_LeapFrame]) -> Stamps | None:
+    """The frames' microseconds, None where they have none."""
     stamps = [f.timestamp for f in frames]
-    if all(s is None for s in stamps):
-        return None
-    for i, stamp in enumerate(stamps):
-        if stamp is None or not abs(stamp) < 9e15:
-            raise InputError(f"frames[{i}]: timestamp is {stamp}, expected microseconds", path)
-    return np.array([round(s * 1000) for s in stamps if s is not None], dtype=np.int64)
+    return None if all(s is None for s in stamps) else Stamps(stamps, "timestamp", "us")
 
 
 def _rate(frames: list[_LeapFrame], recording: _Recording, path: Path) -> float | None:
     rates = [f.current_frame_rate for f in frames if f.current_frame_rate]
     if rates:
-        return as_fps(float(np.median(rates)), path)
+        return float(np.median(rates))
     stated = None if recording.metadata is None else recording.metadata.frame_rate
-    try:
-        return None if stated is None else as_fps(float(stated), path)
-    except ValueError:
-        raise InputError(f"metadata.frameRate is {stated!r}, expected a number", path) from None
+    return None if stated is None else as_fps(stated, path)

@@ -17,6 +17,7 @@ import numpy as np
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import N_JOINTS, Hand
+from handtrack.sequences.clock import Stamps
 from handtrack.sequences.readers.fields import JOINT_KEYS, as_frames, joint_key
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.mcap_file import McapFile, Message
@@ -120,7 +121,7 @@ def _topic(topic: str, messages: list[Message], path: Path) -> Raw:
         stem(path),
         hand=next(iter(labels)) if len(labels) == 1 else None,
         unit=read[0].unit,
-        time_ns=_times([m.stamp for m in read], [m.log_time for m in messages]),
+        stamps=_stamps([m.stamp for m in read], [m.log_time for m in messages]),
         frame_index=_numbers([m.number for m in read]),
         confidence=np.array([m.confidence for m in read]),
     )
@@ -185,17 +186,20 @@ def _bones(bones: dict[str, _Bone], path: Path) -> tuple[Array, Array]:
     return joints, confidence
 
 
-def _times(own: list[int | float | str | None], logged: list[int]) -> Any:
-    """(T,) [ns]: when the messages say they were taken, or when they were logged."""
+def _stamps(own: list[int | float | str | None], logged: list[int]) -> Stamps:
+    """When the messages say they were taken, or when they were logged."""
     log = np.array(logged, dtype=np.int64)
     stamps = []
     for stamp, logged_at in zip(own, logged, strict=True):
         text = str(stamp)
         if not re.fullmatch(r"\d{1,18}|\d{19}", text) or abs(int(text) - logged_at) > SAME_CLOCK_NS:
-            return log
+            return Stamps(log, "log time", "ns")
         stamps.append(int(text))
     taken = np.array(stamps, dtype=np.int64)
-    return taken if (np.diff(taken) > 0).all() else log
+    # of two that say the same, the one that is in better order
+    if (np.diff(taken) <= 0).sum() <= (np.diff(log) <= 0).sum():
+        return Stamps(taken, "header timestamp", "ns")
+    return Stamps(log, "log time", "ns")
 
 
 def _numbers(numbers: list[int | None]) -> Any:

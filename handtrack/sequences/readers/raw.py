@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from collections.abc import Sequence as Items
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import Hand
+from handtrack.sequences.clock import Stamps
 
 if TYPE_CHECKING:
     from handtrack.sequences.readers.mano_params import ManoValues
@@ -22,9 +22,6 @@ Array = NDArray[np.float64]
 Unit = Literal["m", "cm", "mm"]
 METRES: dict[Unit, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 """One of each unit in metres."""
-
-MAX_SECONDS = 9e9
-"""Times beyond this do not fit in int64 nanoseconds."""
 
 
 class NotJointsError(InputError):
@@ -56,9 +53,12 @@ class Raw:
         hand: the label in the source, or None.
         unit: None where the source does not say.
         order: a name of `skeleton.ORDERS`; None: by the number of joints.
-        time_ns: (T,) int64; None: from frame numbers and `fps`.
-        frame_index: (T,) int64; None: 0..T-1.
-        fps: frames per second; None where the source does not say.
+        time_ns: (T,) int64 strictly increasing, of a source that is sure of them (our own
+            recordings); None: from `stamps`.
+        stamps: times as the source has them, in whatever unit and order, not judged (`clock`
+            does that); None: from frame numbers and `fps`.
+        frame_index: (T,) int64; None where the source has no frame numbers.
+        fps: frames per second, as stated, whatever it is; None where the source does not say.
         confidence: (T, N) or (T,) in 0..1, or None.
         truth: (T, N, 3) like the joints, or None.
         subject: who.
@@ -74,6 +74,7 @@ class Raw:
     unit: Unit | None = None
     order: str | None = None
     time_ns: NDArray[np.int64] | None = None
+    stamps: Stamps | None = None
     frame_index: NDArray[np.int64] | None = None
     fps: float | None = None
     confidence: Array | None = None
@@ -110,31 +111,21 @@ def as_unit(value: object, path: Path) -> Unit:
     raise InputError(f"unit is {str(value)[:40]!r}, expected m, cm or mm", path)
 
 
-def as_fps(value: float, path: Path) -> float:
-    """A frame rate that can be used.
+def as_fps(value: object, path: Path) -> float:
+    """A frame rate as stated: a number, a fraction ("30000/1001"); the clock judges it.
 
     Raises:
-        InputError: it is not a number above zero.
+        InputError: it is not a number.
     """
-    if not (np.isfinite(value) and value > 0):
-        raise InputError(f"fps is {value}, expected a number above 0", path)
-    return float(value)
-
-
-def seconds_to_ns(seconds: Items[float] | Array, path: Path) -> NDArray[np.int64]:
-    """(T,) times [s] as int64 nanoseconds.
-
-    Raises:
-        InputError: a time is missing, not finite, or too large.
-    """
-    times = np.asarray(seconds, dtype=np.float64)
-    bad = np.flatnonzero(~(np.abs(times) < MAX_SECONDS))
-    if bad.size:
-        raise InputError(
-            f"frame {bad[0]}: time is {times[bad[0]]}, expected seconds below {MAX_SECONDS:.0e}",
-            path,
-        )
-    return np.round(times * 1e9).astype(np.int64)
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.item()
+    try:
+        if isinstance(value, str | int | float | np.number) and not isinstance(value, bool):
+            above, _, below = str(value).partition("/")
+            return float(above) / float(below or 1)
+    except (ValueError, ZeroDivisionError, OverflowError):
+        pass
+    raise InputError(f"fps is {str(value)[:40]!r}, expected a number", path)
 
 
 def stem(path: Path) -> str:

@@ -21,7 +21,8 @@ import numpy as np
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS
-from handtrack.sequences.readers.fields import FRAME_KEYS, TIME_KEYS, frame_numbers, times
+from handtrack.sequences.clock import Stamps
+from handtrack.sequences.readers.fields import FRAME_KEYS, TIME_KEYS, frame_numbers
 from handtrack.sequences.readers.raw import (
     Array,
     NotJointsError,
@@ -176,12 +177,9 @@ def _named(
     raw = Raw(joints, path, stem(path), unit=columns.unit)
     time = next((k for k in TIME_KEYS if k in other), None)
     if time is not None:
-        cells = [cells[other[time]] for _, cells in rows]
-        whole = all(re.fullmatch(r"-?\d{1,19}", cell) for cell in cells)
-        # nanoseconds of today do not fit in a float
-        exact = [int(cell) for cell in cells] if whole else None
-        stamps = exact or _numbers(rows, [other[time]], [time], path)[:, 0]
-        raw.time_ns = times(stamps, TIME_KEYS[time], len(rows), path, time)
+        lines = [f"line {number}" for number, _ in rows]
+        texts = [cells[other[time]] for _, cells in rows]
+        raw.stamps = Stamps(texts, time, TIME_KEYS[time], lines)
     frame = next((k for k in FRAME_KEYS if k in other), None)
     if frame is not None:
         values = _numbers(rows, [other[frame]], [frame], path)[:, 0]
@@ -206,7 +204,7 @@ def _part(raw: Raw, keep: np.ndarray, hand: str) -> Raw:
         raw.name,
         hand=as_hand(hand, raw.path),
         unit=raw.unit,
-        time_ns=None if raw.time_ns is None else raw.time_ns[keep],
+        stamps=None if raw.stamps is None else raw.stamps.take(np.flatnonzero(keep)),
         frame_index=None if raw.frame_index is None else raw.frame_index[keep],
         notes=raw.notes,
     )

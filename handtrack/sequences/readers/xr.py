@@ -22,15 +22,14 @@ import numpy as np
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import FINGERS, HANDS, N_JOINTS, ORDERS, Hand
-from handtrack.sequences.readers.fields import TIME_KEYS, times
+from handtrack.sequences.clock import Stamps
+from handtrack.sequences.readers.fields import TIME_KEYS
 from handtrack.sequences.readers.raw import Array, Raw, as_hand, stem
 
 _CAPITAL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 _NOISE = re.compile(r"^xr-hand-joint-|-ext$|-finger|-phalanx|phalanx-")
 _LABELS = ("handedness", "hand", "side")
 _LISTS = {25: "webxr", 26: "openxr"}
-# one timestamp of unknown unit: the step between frames tells, from 1 ms to 1 s
-_STEPS = ((1e6, 1, "ns"), (1e3, 10**3, "us"), (1.0, 10**6, "ms"), (0.0, 10**9, "s"))
 _BASES = ("metacarpal", "proximal", "distal", "tip")
 _PARTS = ("proximal", "intermediate", "distal", "tip")
 
@@ -83,7 +82,7 @@ def read_frames(values: list[Any], places: list[str], path: Path) -> list[Raw]:
         found.append(hands)
     if not seen:
         raise InputError("no hand in any frame, expected named joints", path)
-    time_ns, note = _times(values, places, path)
+    stamps = _stamps(values, places)
     raws = []
     for hand in sorted(seen, key=lambda h: h or ""):
         # a file of one hand a line: the other's lines are not its frames
@@ -95,10 +94,9 @@ def read_frames(values: list[Any], places: list[str], path: Path) -> list[Raw]:
             stem(path),
             hand=hand,
             unit="m",
-            notes=() if note is None else (note,),
         )
-        if time_ns is not None:
-            raw.time_ns = time_ns[list(rows)]
+        if stamps is not None:
+            raw.stamps = stamps.take(rows)
         raws.append(raw)
     return raws
 
@@ -173,25 +171,13 @@ def _point(given: Any, where: str, path: Path) -> Array:
     return numbers
 
 
-def _times(values: list[Any], places: list[str], path: Path) -> tuple[Any, str | None]:
-    """(T,) times [ns], and what was assumed of them; None where frames have none."""
-    known = {key: factor for key, factor in TIME_KEYS.items() if key != "time"}
-    known |= {key.replace("time", "timestamp"): factor for key, factor in known.items()}
-    first = next((v for v in values if isinstance(v, dict)), {})
-    for key in (*known, "time", "timestamp", "t"):
-        if not isinstance(first.get(key), int | float):
-            continue
-        column = []
-        for value, place in zip(values, places, strict=True):
-            time = None if value is None else value.get(key)
-            if isinstance(time, bool) or not isinstance(time, int | float):
-                raise InputError(f"{place}: {key} is not a number", path)
-            column.append(time)
-        if key in known:
-            return times(column, known[key], len(column), path, key), None
-        steps = np.diff(np.unique(np.array(column, dtype=np.float64)))
-        step = float(np.median(steps)) if steps.size else 0.0
-        _, factor, unit = next(s for s in _STEPS if step >= s[0])
-        note = f"{key} read as {unit}, by the step between frames"
-        return times(column, factor, len(column), path, key), note
-    return None, None
+def _stamps(values: list[Any], places: list[str]) -> Stamps | None:
+    """Times as the frames have them; None where none has any."""
+    frames = [v if isinstance(v, dict) else {} for v in values]
+    stated = {key: unit for key, unit in TIME_KEYS.items() if unit is not None}
+    stated |= {key.replace("time", "timestamp"): unit for key, unit in stated.items()}
+    for key in (*stated, "time", "timestamp", "t"):
+        column = [frame.get(key) for frame in frames]
+        if any(value is not None for value in column):
+            return Stamps(column, key, stated.get(key), places)
+    return None
