@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from screens import Screen, lacking, own_reason, started
 
 import handtrack as ht
+from handtrack.errors import HandtrackError
 
 ROOT = Path(__file__).resolve().parent.parent
 # the tools are no part of the package; the package itself is the installed one, where there is one
@@ -34,3 +38,15 @@ def shared_data() -> Path:
     if not SHARED.is_dir():
         pytest.skip(f"real data not there: {SHARED}")
     return SHARED
+
+
+@pytest.fixture(scope="session")
+def screen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Screen]:
+    """A viewer that draws, one for the session; tests are skipped where it cannot, as it says."""
+    said = tmp_path_factory.mktemp("viewer") / "said.txt"
+    with ExitStack() as stack:
+        try:
+            found = stack.enter_context(started(said))
+        except (HandtrackError, RuntimeError, OSError) as error:
+            lacking("viewer", own_reason(said) or str(error))
+        yield found

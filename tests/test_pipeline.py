@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import io
 import json
-import os
 import re
 import shutil
-import socket
-import sys
 import time
 import warnings
 from dataclasses import fields, replace
@@ -187,45 +183,30 @@ def test_real_input(name, shared_data, tmp_path):
     assert all(row.against == "observed" for row in rows)
 
 
-def can_draw() -> bool:
-    """Whether a graphics driver, be it a software one, is there for the viewer."""
-    return any(Path(f).glob("*.json") for f in ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d"))
-
-
-@pytest.mark.skipif(not can_draw(), reason="no Vulkan driver (Debian: mesa-vulkan-drivers)")
-def test_the_viewer_draws_the_hand_and_the_plots(sample, tmp_path, monkeypatch):
+def test_the_viewer_draws_the_hand_and_the_plots(screen, sample, tmp_path):
     """A real viewer opens the file: skin and curves are there, and no skin in lost frames."""
-    image = pytest.importorskip("PIL.Image")
-    from rerun.experimental import ViewerClient
-
-    # the viewer is started by name: the one beside this interpreter
-    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     rrd = ht.log_rerun(ht.track(sample), save=tmp_path / "sample.rrd")
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
 
     def seen() -> tuple[float, float]:
         """Shares of skin in the left half of the picture and of curves in the right one."""
-        picture = image.open(io.BytesIO(viewer.take_screenshot(max_size=960))).convert("RGB")
-        r, g, b = np.moveaxis(np.asarray(picture, int), -1, 0)
+        picture = screen.picture()
+        r, g, b = np.moveaxis(picture, -1, 0)
         half = r.shape[1] // 2
         skin = (r > g + 15) & (g > b + 5) & (r > 80)
         coloured = np.max([r, g, b], 0) - np.min([r, g, b], 0) > 80
         return skin[:, :half].mean(), coloured[:, half:].mean()
 
-    with ViewerClient.spawn(headless=True, port=port, hide_welcome_screen=True) as viewer:
-        viewer.open(str(rrd))
-        for seconds, there in ((0.9, True), (6.85, False)):
-            viewer.set_time("time", duration=seconds, play_state="paused")
-            deadline = time.monotonic() + 30
+    screen.client.open(str(rrd))
+    for seconds, there in ((0.9, True), (6.85, False)):
+        screen.client.set_time("time", duration=seconds, play_state="paused")
+        deadline = time.monotonic() + 30
+        skin, curves = seen()
+        # what is looked at for the first time is loaded then
+        while (skin > 0.01) != there and time.monotonic() < deadline:
+            time.sleep(0.2)
             skin, curves = seen()
-            # what is looked at for the first time is loaded then
-            while (skin > 0.01) != there and time.monotonic() < deadline:
-                time.sleep(0.2)
-                skin, curves = seen()
-            assert (skin > 0.03) if there else (skin < 0.003)
-        assert curves > 0.01
+        assert (skin > 0.03) if there else (skin < 0.003)
+    assert curves > 0.01
 
 
 def test_the_readme_is_true(sample_file, tmp_path, monkeypatch, capsys):

@@ -219,6 +219,7 @@ class Gate:
         if math.isnan(results.objective[t]):
             strays = self._strays(observed, w, time_ns)
             w[strays] = 0.0
+            strays.flags.writeable = False
             bcd.forget(keep)
             names = ", ".join(JOINT_NAMES[j] for j in np.flatnonzero(strays))
             return Verdict(strays, f"{names} rejected, too far from the last pose")

@@ -239,14 +239,17 @@ class Smoother:
         shown = inputs.raw[:, OUT_NOISE]
         if not noise and np.isfinite(shown).any():
             noise = max(float(np.nanmedian(shown)), kernels.LEAST_NOISE)
-        kalman._settings = (coupled, 0, noise, gain, 2 * coast_ns, memory)
-        if self._learn:
-            kalman._process = process_noise.process(self._learnt(inputs))
-        out, known = self._smoothed(inputs)
+        try:
+            kalman._settings = (coupled, 0, noise, gain, 2 * coast_ns, memory)
+            if self._learn:
+                kalman._process = process_noise.process(self._learnt(inputs))
+            out, known = self._smoothed(inputs)
+        finally:
+            # as new, whatever stopped it (Ctrl-C, no memory)
+            kalman._process, kalman._settings = self._process, self._settings
+            self.reset()
         known &= _within_reach(inputs, coast_ns)
         out[~known] = np.nan
-        kalman._process, kalman._settings = self._process, self._settings
-        self.reset()
         return out, known
 
     def _learnt(self, inputs: Frames) -> Array:

@@ -117,6 +117,7 @@ class Weeder:
             best = self.fit(observed, used, keep)
         rejected = np.zeros(N_JOINTS, dtype=np.bool_)
         rejected[[j for j in off if j not in back]] = True
+        rejected.flags.writeable = False
         texts = [
             f"{JOINT_NAMES[j]} rejected, {1e3 * off[j]:.0f} mm off"
             for j in sorted(off)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Protocol
 
 import numpy as np
@@ -69,8 +69,8 @@ class SkinOfFrames:
 class Track:
     """A tracked sequence. Recorders, replay, metrics and reports see only this.
 
-    Shapes are for T frames; metres, radians, nanoseconds, quaternions wxyz (root to world).
-    Where nothing was fitted (status "lost") poses and fitted joints are NaN.
+    Shapes are for T frames; metres, radians, nanoseconds, quaternions wxyz (root to world). Its
+    arrays can only be read: parts of a track share them. Where nothing was fitted (status "lost") poses and fitted joints are NaN.
 
     Attributes:
         name, hand, source, subject: as in the Sequence.
@@ -135,6 +135,13 @@ class Track:
             given = getattr(self, name)
             array = np.zeros(shape, bool) if given is None else np.asarray(given, dtype=bool)
             object.__setattr__(self, name, array)
+        for of in fields(self):
+            value = getattr(self, of.name)
+            if isinstance(value, np.ndarray) and value.flags.writeable:
+                # a view: who made the array may go on with it
+                view = value.view()
+                view.flags.writeable = False
+                object.__setattr__(self, of.name, view)
 
     def __len__(self) -> int:
         return len(self.time_ns)

@@ -40,7 +40,10 @@ _EXPLAINED = 100
 
 @dataclass(frozen=True, eq=False)
 class TrackedFrame:
-    """What the tracker says of one frame; fields as in Track, for a single frame."""
+    """What the tracker says of one frame; fields as in Track, for a single frame.
+
+    Its arrays can only be read.
+    """
 
     time_ns: int
     observed: Array
@@ -220,15 +223,21 @@ class Tracker:
             (time_ns, observed[t], given[t], results, t, verdicts[t])
             for t, time_ns in enumerate(times_ns)
         )
-        if self._filter is None:
+        steadied = None
+        if self._filter is not None:
+            inputs = Frames(np.array(times_ns), observed, w, results.rows)
+            steadied = self._filter.advance(inputs)
+        # gate and filter look at these again: whoever gets a frame may only read them
+        for array in (observed, given, results.rows):
+            array.flags.writeable = False
+        if steadied is None:
             return [self._frame(*frame, None, False) for frame in frames]
         self._waiting.extend(frames)
-        return self._given(
-            *self._filter.advance(Frames(np.array(times_ns), observed, w, results.rows))
-        )
+        return self._given(*steadied)
 
     def _given(self, rows: Array, known: NDArray[np.bool_]) -> list[TrackedFrame]:
         """The next frames that wait, with what the filter makes of them."""
+        rows.flags.writeable = False
         return [
             self._frame(*self._waiting.popleft(), row, known_)
             for row, known_ in zip(rows, known.tolist(), strict=True)

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
+from typing import IO
 
 from handtrack.errors import HandtrackError, SettingsError
 
@@ -22,8 +23,14 @@ _START_SECONDS = 30.0
 
 
 @contextmanager
-def viewer(*arguments: str | Path) -> Iterator[subprocess.Popen[bytes]]:
+def viewer(
+    *arguments: str | Path, errors: IO[bytes] | None = None
+) -> Iterator[subprocess.Popen[bytes]]:
     """A viewer process that ends with the block at the latest; it listens on loopback only.
+
+    Args:
+        arguments: its options and files.
+        errors: where to write what it says, instead of to our own standard error.
 
     Raises:
         HandtrackError: it is not installed, or it cannot be started.
@@ -31,7 +38,9 @@ def viewer(*arguments: str | Path) -> Iterator[subprocess.Popen[bytes]]:
     command = [str(_executable()), "--bind", LOOPBACK, *map(str, arguments)]
     environment = {"RUST_LOG": "warn", **os.environ}
     try:
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, env=environment)
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stderr=errors, env=environment
+        )
     except OSError as error:
         raise HandtrackError(f"the viewer {command[0]} cannot be started: {error}") from error
     try:

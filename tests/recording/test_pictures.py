@@ -5,19 +5,14 @@ Where HANDTRACK_PICTURES names a folder the pictures are kept there.
 
 from __future__ import annotations
 
-import io
-import os
-import socket
-import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from made_tracks import make_track
+from screens import Screen
 
 import handtrack as ht
 from handtrack.cli import run
@@ -25,57 +20,8 @@ from handtrack.recording.tracks import write_mcap
 from handtrack.viewer.live_viewer import LiveViewer
 from handtrack.viewer.replay import replay
 
-DRIVERS = ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d")
-pytestmark = pytest.mark.skipif(
-    not any(Path(folder).glob("*.json") for folder in DRIVERS),
-    reason="no Vulkan driver (Debian: mesa-vulkan-drivers)",
-)
-
 SKIN, RUN = (226, 178, 148), (141, 178, 214)
 """Tints of the first and of the second hand."""
-
-
-class Screen:
-    """A viewer without a screen."""
-
-    def __init__(self, client: Any, port: int) -> None:
-        self._client = client
-        self.address = f"127.0.0.1:{port}"
-
-    def picture(self, name: str = "") -> np.ndarray:
-        """(height, width, 3) of what the viewer shows."""
-        image = pytest.importorskip("PIL.Image")
-        data = self._client.take_screenshot(max_size=960)
-        if name and (folder := os.environ.get("HANDTRACK_PICTURES")):
-            Path(folder).mkdir(parents=True, exist_ok=True)
-            (Path(folder) / f"{name}.png").write_bytes(data)
-        return np.asarray(image.open(io.BytesIO(data)).convert("RGB"), int)
-
-    def until(self, there: Callable[[np.ndarray], bool], seconds: float = 30) -> np.ndarray:
-        """The first picture that shows something, or the last one."""
-        deadline = time.monotonic() + seconds
-        picture = self.picture()
-        while not there(picture) and time.monotonic() < deadline:
-            time.sleep(0.1)
-            picture = self.picture()
-        return picture
-
-
-@pytest.fixture(scope="module")
-def screen() -> Iterator[Screen]:
-    from rerun.experimental import ViewerClient
-
-    # the viewer is started by name: the one beside this interpreter
-    path = os.environ["PATH"]
-    os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{path}"
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    try:
-        with ViewerClient.spawn(headless=True, port=port, hide_welcome_screen=True) as client:
-            yield Screen(client, port)
-    finally:
-        os.environ["PATH"] = path
 
 
 def tinted(picture: np.ndarray, tint: tuple[int, int, int]) -> np.ndarray:

@@ -18,6 +18,7 @@ import pytest
 import rerun as rr
 from made_tracks import make_track
 from recording_checks import rrd_columns
+from sockets import listening
 
 from handtrack.errors import HandtrackError, InputError, SettingsError
 from handtrack.hand.limits import preset
@@ -248,10 +249,10 @@ def test_the_web_viewer_listens_on_loopback_and_goes(
         (viewer,) = _children(process.pid)
         with urllib.request.urlopen(address, timeout=10) as page:
             assert b"<html" in page.read().lower()
-        listening = _listening(viewer)
-        assert len(listening) == 2
-        assert {ip for ip, _ in listening} == {"127.0.0.1"}
-        assert int(address.split(":")[2].split("/")[0]) in {port for _, port in listening}
+        found = listening(viewer)
+        assert len(found) == 2
+        assert {ip for ip, _ in found} == {"127.0.0.1"}
+        assert int(address.split(":")[2].split("/")[0]) in {port for _, port in found}
     finally:
         process.send_signal(how)
         code_of_exit = process.wait(15)
@@ -267,21 +268,3 @@ def test_the_web_viewer_listens_on_loopback_and_goes(
 def _children(pid: int) -> list[int]:
     text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
     return [int(child) for child in text.split()]
-
-
-def _listening(pid: int) -> list[tuple[str, int]]:
-    """(address, port) of the sockets on which a process listens."""
-    inodes = set()
-    for link in Path(f"/proc/{pid}/fd").iterdir():
-        target = os.readlink(link) if link.is_symlink() else ""
-        if target.startswith("socket:["):
-            inodes.add(target[8:-1])
-    out = []
-    for table in ("tcp", "tcp6"):
-        for line in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]:
-            fields = line.split()
-            if fields[3] == "0A" and fields[9] in inodes:
-                address, port = fields[1].split(":")
-                ip = ".".join(str(b) for b in reversed(bytes.fromhex(address)))
-                out.append((ip, int(port, 16)))
-    return out
