@@ -188,7 +188,11 @@ class Tracker:
         """The frames that the filter has not given yet; it is as new then."""
         if self._filter is None:
             return []
-        return self._given(*self._filter.finish())
+        try:
+            return self._given(*self._filter.finish())
+        finally:
+            # whatever stopped it: they are not of the frames that come next
+            self._waiting.clear()
 
     def _advance(
         self, times_ns: list[int] | tuple[int, ...], observed: Array, w: Array

@@ -487,3 +487,88 @@ def test_after_an_hour_it_starts_anew(filter, sample):
     assert [e.text for e in track.events] == ["fitted", "found again after 3600.03 s"]
     off = np.linalg.norm(track.filtered_joints - joints, axis=-1)
     assert off[150:].max() < off[:150].max() + 0.02
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_what_a_frame_holds_cannot_change_the_next(name, sample):
+    """The gate and the filters go on from arrays that were given out: they can only be read."""
+    model = ht.HandModel.default()
+    touched, apart = (ht.Tracker(model, filter=name) for _ in range(2))
+    for t in range(40):
+        frame = touched.step(sample.joints[t], int(sample.time_ns[t]))
+        expected = apart.step(sample.joints[t], int(sample.time_ns[t]))
+        for field in fields(TrackedFrame):
+            value = getattr(frame, field.name)
+            same(value, getattr(expected, field.name))
+            if isinstance(value, np.ndarray):
+                with pytest.raises(ValueError, match="read-only"):
+                    value *= 1000
+
+
+@pytest.mark.parametrize("name", WAITING)
+def test_frames_that_come_later_can_only_be_read_either(name, sample):
+    tracker = ht.Tracker(ht.HandModel.default(), filter=name)
+    frames = [f for t in range(12) for f in tracker.push(sample.joints[t], int(sample.time_ns[t]))]
+    for frame in frames + tracker.finish():
+        arrays = [getattr(frame, field.name) for field in fields(TrackedFrame)]
+        assert not any(a.flags.writeable for a in arrays if isinstance(a, np.ndarray))
+
+
+def test_arrays_of_a_track_can_only_be_read(sample):
+    parts: list[ht.Track] = []
+    track = ht.track(sample.frames(0, 40), on_part=parts.append)
+    for of in (track, *parts, replace(track, name="b")):
+        arrays = [getattr(of, field.name) for field in fields(of)]
+        assert not any(a.flags.writeable for a in arrays if isinstance(a, np.ndarray))
+
+
+@pytest.mark.parametrize("name", [*FILTERS, *WAITING])
+def test_a_frame_that_is_refused_leaves_no_trace(name, sample):
+    model = ht.HandModel.default()
+    disturbed, apart = (ht.Tracker(model, filter=name) for _ in range(2))
+    infinite = np.full((21, 3), np.inf)
+    negative = np.full(21, -1.0)
+    frames, expected = [], []
+    for t in range(20):
+        joints, time_ns = sample.joints[t], int(sample.time_ns[t])
+        for wrong in ((infinite, time_ns), (joints, time_ns, negative), (joints[:5], time_ns)):
+            with pytest.raises(ht.InputError):
+                disturbed.push(*wrong)
+        frames += disturbed.push(joints, time_ns)
+        with pytest.raises(ht.InputError):
+            disturbed.push(joints, time_ns)
+        expected += apart.push(joints, time_ns)
+    frames += disturbed.finish()
+    expected += apart.finish()
+    for a, b in zip(frames, expected, strict=True):
+        for field in fields(TrackedFrame):
+            same(getattr(a, field.name), getattr(b, field.name))
+
+
+@pytest.mark.parametrize("name", ["_learnt", "_smoothed"])
+def test_a_smoother_that_is_stopped_is_as_new(name, sample, monkeypatch):
+    """Ctrl-C while it smooths: its settings and its frames are not those of the run before."""
+    from handtrack.tracking.kalman import Smoother
+
+    def stopped(self: Smoother, frames: object) -> None:
+        raise KeyboardInterrupt
+
+    tracker = ht.Tracker(ht.HandModel.default(), filter="rts")
+    expected = stream(ht.Tracker(ht.HandModel.default(), filter="rts"), sample.frames(0, 60))
+    with monkeypatch.context() as patch:
+        patch.setattr(Smoother, name, stopped)
+        for t in range(80, 100):
+            tracker.push(sample.joints[t], int(sample.time_ns[t]))
+        with pytest.raises(KeyboardInterrupt):
+            tracker.finish()
+    # frames of another time, as it goes on without a reset
+    later = replace(sample, time_ns=sample.time_ns + 10**11).frames(0, 60)
+    again = [replace(frame, time_ns=frame.time_ns - 10**11) for frame in stream(tracker, later)]
+    tracker.reset()
+    for a, b in zip(stream(tracker, sample.frames(0, 60)), expected, strict=True):
+        for field in fields(TrackedFrame):
+            same(getattr(a, field.name), getattr(b, field.name))
+    assert [frame.time_ns for frame in again] == [frame.time_ns for frame in expected]
+    for a, b in zip(again[5:], expected[5:], strict=True):
+        same(a.observed, b.observed)
+        np.testing.assert_allclose(a.fitted_joints, b.fitted_joints, atol=2e-3)
