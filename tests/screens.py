@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from handtrack.recording.viewer import free_port, grpc_address, viewer, wait_for
+
+from handtrack.viewer.process import free_port, grpc_address, viewer, wait_for
 
 MUST_RUN = "HANDTRACK_MUST_RUN"
 """Names what is installed: a test that lacks one of these fails instead of being skipped."""

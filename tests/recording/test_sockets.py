@@ -6,9 +6,10 @@ import ast
 from pathlib import Path
 
 import pytest
-from handtrack.recording.viewer import free_port, viewer, wait_for
 from screens import Screen
 from sockets import listening
+
+from handtrack.viewer.process import free_port, viewer, wait_for
 
 ROOT = Path(__file__).resolve().parents[2]
 linux = pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="reads Linux's /proc")
