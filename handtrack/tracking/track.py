@@ -70,7 +70,8 @@ class Track:
     """A tracked sequence. Recorders, replay, metrics and reports see only this.
 
     Shapes are for T frames; metres, radians, nanoseconds, quaternions wxyz (root to world). Its
-    arrays can only be read: parts of a track share them. Where nothing was fitted (status "lost") poses and fitted joints are NaN.
+    arrays can only be read: parts of a track share them. Where nothing was fitted (status "lost")
+    poses and fitted joints are NaN.
 
     Attributes:
         name, hand, source, subject: as in the Sequence.
