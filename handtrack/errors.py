@@ -2,11 +2,47 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+
+QUOTED = 200
+"""Characters that an error quotes of a file, at most."""
+# a word of that length is no word but a file's content
+_LONG_WORD = re.compile(rf"\S{{{QUOTED + 1},}}")
+
+
+def shown(value: object, limit: int = QUOTED) -> str:
+    """A value of a file as an error quotes it: one line, cut where it is long.
+
+    Args:
+        value: text, or anything else, which is not written out further than that.
+        limit: characters.
+    """
+    if isinstance(value, int) and value.bit_length() > 64:
+        return f"a number of {value.bit_length()} bits"
+    if isinstance(value, str | bytes):
+        text = value[: limit + 1] if isinstance(value, str) else repr(value[:limit])
+    elif isinstance(value, float | int | None):
+        text = str(value)
+    else:
+        text = f"a {type(value).__name__}"
+    text = printable(text)
+    return text if len(text) <= limit else text[: limit - 1] + "…"
+
+
+def printable(text: str) -> str:
+    """The text with line ends, control characters and broken names of files escaped."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 class HandtrackError(Exception):
     """Base of every error that handtrack raises on purpose; its text is one line."""
+
+    def __init__(self, message: object = ""):
+        text = printable(str(message))
+        super().__init__(_LONG_WORD.sub(lambda m: m[0][: QUOTED - 1] + "…", text))
 
 
 class InputError(HandtrackError):
@@ -19,7 +55,9 @@ class InputError(HandtrackError):
 
     def __init__(self, message: str, path: str | Path | None = None):
         self.path = None if path is None else Path(path)
-        super().__init__(message if path is None else f"{path}: {message}")
+        super().__init__(message)
+        if path is not None:
+            self.args = (f"{printable(str(path))}: {self.args[0]}",)
 
 
 class SettingsError(HandtrackError):

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
-from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from handtrack.errors import InputError
+from handtrack.errors import InputError, shown
+from handtrack.files import budget
+from handtrack.files.npz import read_npz
 from handtrack.hand.skeleton import HANDS, Hand
 from handtrack.hand.unpickle import plain, unpickle
 
@@ -77,18 +77,14 @@ def read_mano(path: str | Path) -> dict[str, NDArray[Any]]:
             array has another shape or impossible values.
     """
     path = Path(path)
-    try:
-        with path.open("rb") as file:
-            start = file.read(4)
-            file.seek(0)
-            raw = _npz(file, path) if start == b"PK\x03\x04" else _pkl(file, path)
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror or error}", path) from error
+    data = budget.read(path, budget.MODELS)
+    raw = _npz(data, path) if data.startswith(b"PK\x03\x04") else _pkl(data, path)
     out = {key: _array(key, value, path) for key, value in raw.items()}
     parents = out.pop("kintree_table").astype(np.int64)[0]
     if not np.array_equal(parents[1:], PARENTS[1:]):
         raise InputError(
-            f"kintree_table has parents {parents.tolist()}, expected MANO's {list(PARENTS)}", path
+            f"kintree_table has parents {shown(str(parents))}, expected MANO's {list(PARENTS)}",
+            path,
         )
     faces = out["f"]
     if not (faces.min() >= 0 and faces.max() < N_VERTICES and (faces % 1 == 0).all()):
@@ -117,9 +113,9 @@ def _array(key: str, value: object, path: Path) -> NDArray[Any]:
         TypeError,
         ValueError,
     ) as error:
-        raise InputError(f"{key} does not hold an array of numbers: {error}", path) from error
-    if array.dtype.kind not in "biuf":
-        raise InputError(f"{key} does not hold an array of numbers but of {array.dtype}", path)
+        raise InputError(
+            f"{key} does not hold an array of numbers: {shown(str(error))}", path
+        ) from error
     expected = _SHAPES[key]
     fits = array.ndim == len(expected) and all(
         want in (None, have) for have, want in zip(array.shape, expected, strict=True)
@@ -134,38 +130,24 @@ def _array(key: str, value: object, path: Path) -> NDArray[Any]:
     return array
 
 
-def _pkl(file: IO[bytes], path: Path) -> dict[str, object]:
-    content = unpickle(file, path)
+def _pkl(data: bytes, path: Path) -> dict[str, object]:
+    content = unpickle(data, path)
     if not isinstance(content, dict):
         raise InputError(f"holds a {type(content).__name__}, expected MANO's dictionary", path)
     _complete(content, path)
     return {key: content[key] for key in _SHAPES}
 
 
-def _npz(file: IO[bytes], path: Path) -> dict[str, object]:
-    try:
-        with zipfile.ZipFile(file) as archive:
-            _complete({name.removesuffix(".npy") for name in archive.namelist()}, path)
-            out = {}
-            for key in _SHAPES:
-                with archive.open(f"{key}.npy") as member:
-                    out[key] = _npy(member, path)
-            return out
-    except (zipfile.BadZipFile, EOFError, ValueError) as error:
-        raise InputError(f"is a damaged .npz file: {error}", path) from error
+def _npz(data: bytes, path: Path) -> dict[str, object]:
+    arrays, names = read_npz(data, path, _SHAPES, lambda pickled: _single(pickled, path))
+    _complete(names, path)
+    return {key: arrays.get(key) for key in _SHAPES}
 
 
-def _npy(member: IO[bytes], path: Path) -> object:
-    """An array of a .npz; one of objects is a pickle, and read as such."""
-    version = npy.read_magic(member)
-    header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-    shape, fortran, dtype = header(member)
-    if dtype.hasobject:
-        value = unpickle(member, path)
-        return value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
-    count = int(np.prod(shape))
-    data = member.read(count * dtype.itemsize)
-    return np.frombuffer(data, dtype, count).reshape(shape, order="F" if fortran else "C")
+def _single(data: bytes, path: Path) -> object:
+    """The object in a .npz; np.savez makes an array of one of it."""
+    value = unpickle(data, path)
+    return value[0] if isinstance(value, list) and len(value) == 1 else value
 
 
 def _complete(keys: Any, path: Path) -> None:
@@ -173,6 +155,6 @@ def _complete(keys: Any, path: Path) -> None:
     if missing:
         raise InputError(
             f"lacks {', '.join(missing)}: no MANO file, or not all of one"
-            f" (it has {', '.join(sorted(map(str, keys))[:20]) or 'nothing'})",
+            f" (it has {shown(', '.join(sorted(shown(k, 40) for k in keys)[:20])) or 'nothing'})",
             path,
         )

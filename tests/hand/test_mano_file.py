@@ -156,7 +156,7 @@ def test_a_torn_file_is_an_input_error(mano_folder, write):
             read_mano(write(data[:end]))
     archive = io.BytesIO()
     np.savez(archive, a=np.zeros(3))
-    with pytest.raises(InputError, match=r"damaged \.npz"):
+    with pytest.raises(InputError, match=r"\.npz file is damaged"):
         read_mano(write(archive.getvalue()[:50]))
 
 
@@ -182,9 +182,7 @@ def test_a_few_bytes_take_no_memory(write, contents):
     keys = [k for k in contents["right"] if k != "v_template"]
     rest = pickle.dumps({k: contents["right"][k] for k in keys}, protocol=0)[:-1]
     # the dictionary, its missing key, the huge array, SETITEM, STOP
-    with pytest.raises(
-        InputError, match=r"v_template has shape \(20000, 20000\)|Unable to allocate"
-    ):
+    with pytest.raises(InputError, match="v_template does not hold an array of numbers"):
         read_mano(write(rest + b"S'v_template'\n" + huge[:-1] + b"s."))
     from scipy.sparse import csc_matrix
 

@@ -90,8 +90,7 @@ def _coefficients(path: Path) -> Array:
         with np.load(path, allow_pickle=False) as archive:
             stored: Any = archive["hands_coeffs"]
     else:
-        with path.open("rb") as file:
-            stored = unpickle(file, path)["hands_coeffs"]
+        stored = unpickle(path.read_bytes(), path)["hands_coeffs"]
     return np.asarray(plain(stored), dtype=np.float64)
 
 

@@ -7,21 +7,22 @@ where no hand is seen. Which hand it is, and whose, says meta.yml in the folder 
 from __future__ import annotations
 
 import re
-import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
-from handtrack.errors import InputError
+from handtrack.errors import InputError, shown
+from handtrack.files import budget
+from handtrack.files.npz import read_npz
 from handtrack.hand.skeleton import N_JOINTS
-from handtrack.sequences.readers.numpy_file import DAMAGED, damage
 from handtrack.sequences.readers.raw import Array, NoFramesError, Raw, as_hand
 
 FILE_NAME = re.compile(r"labels_(\d{6})\.npz")
 FPS = 30.0
 _KEY = "joint_3d"
-_LISTED = r"^{}:\s*(?:\n\s*-\s*|\[\s*)['\"]?([\w-]+)"
+# each space in one place only: a meta.yml of line ends is passed once
+_LISTED = r"^{}:[ \t]*(?:\r?\n[ \t]*-[ \t]*|\[[ \t]*)['\"]?([\w-]{{1,100}})"
 
 
 def read_files(
@@ -49,7 +50,7 @@ def read_files(
     meta = folder / "meta.yml"
     meta = meta if meta.exists() else folder.resolve().parent / "meta.yml"
     if meta.exists():
-        text = meta.read_text(encoding="utf-8", errors="replace")
+        text = budget.read(meta, budget.TEXT).decode("utf-8", "replace")
         side = re.search(_LISTED.format("mano_sides"), text, re.M)
         subject = re.search(_LISTED.format("mano_calib"), text, re.M)
         raw.hand = None if side is None else as_hand(side[1], meta, "mano_sides")
@@ -59,16 +60,11 @@ def read_files(
 
 def _joints(path: Path) -> Array:
     """(1, 21, 3) joints of one file; its large pictures are not unpacked."""
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise zipfile.BadZipFile("not an .npz file")
-            names = archive.files
-            joints = archive[_KEY] if _KEY in names else None
-    except DAMAGED as error:
-        raise InputError(damage("the .npz file", error), path) from None
-    if joints is None:
-        raise InputError(f"no {_KEY} in it, found {', '.join(names[:8]) or 'nothing'}", path)
+    arrays, names = read_npz(path, path, (_KEY,))
+    if _KEY not in arrays:
+        there = ", ".join(shown(name, 40) for name in names[:5]) or "nothing"
+        raise InputError(f"no {_KEY} in it, found {there}", path)
+    joints = arrays[_KEY]
     if joints.shape != (1, N_JOINTS, 3) or joints.dtype.kind not in "fiu":
         raise InputError(f"{_KEY} has shape {joints.shape}, expected (1, 21, 3)", path)
     return np.asarray(joints, dtype=np.float64)

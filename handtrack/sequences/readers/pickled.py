@@ -13,7 +13,6 @@ this project's order, about the hand's own middle: sizes and shapes are real, pl
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -21,9 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from handtrack.errors import InputError
+from handtrack.errors import InputError, shown
+from handtrack.files import budget
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
-from handtrack.hand.unpickle import unpickle
+from handtrack.hand.unpickle import plain, unpickle
 from handtrack.sequences.readers.raw import Array, NoFramesError, NotJointsError, Raw
 
 HO3D_NAME = re.compile(r"(\d{3,9})\.pkl")
@@ -47,8 +47,7 @@ def read_pickle(data: bytes, path: Path) -> list[Raw]:
         return _ho3d([(0, path, content)], path)
     if _FRANKMOCAP in content:
         return _frankmocap([(0, path, content)], path)
-    there = ", ".join(map(str, list(content)[:8])) or "nothing"
-    raise NotJointsError(f"expected {_HO3D} or {_FRANKMOCAP} in it, found {there}", path)
+    raise NotJointsError(f"expected {_HO3D} or {_FRANKMOCAP} in it, found {_keys(content)}", path)
 
 
 def read_ho3d(paths: Iterable[Path], folder: Path, frames: Frames = None) -> list[Raw]:
@@ -86,22 +85,25 @@ def _opened(
     if not chosen:
         there = f"{numbered[0][0]}:{numbered[-1][0]}"
         raise NoFramesError(f"no frame in {frames}, there are {there}", folder)
-    return [(n, p, _content(p.read_bytes(), p)) for n, p in chosen]
+    return [(n, p, _content(budget.read(p, budget.MODELS), p)) for n, p in chosen]
 
 
 def _content(data: bytes, path: Path) -> dict[Any, Any]:
-    content = unpickle(io.BytesIO(data), path)
+    content = unpickle(data, path)
     if not isinstance(content, dict):
         raise NotJointsError(f"holds a {type(content).__name__}, expected an object", path)
     return content
+
+
+def _keys(content: dict[Any, Any]) -> str:
+    return ", ".join(shown(key, 40) for key in list(content)[:5]) or "nothing"
 
 
 def _ho3d(files: _Opened, folder: Path) -> list[Raw]:
     joints = np.full((len(files), N_JOINTS, 3), np.nan)
     for row, (_, path, content) in zip(joints, files, strict=True):
         if _HO3D not in content:
-            there = ", ".join(map(str, list(content)[:8]))
-            raise NotJointsError(f"no {_HO3D} in it, found {there}", path)
+            raise NotJointsError(f"no {_HO3D} in it, found {_keys(content)}", path)
         given = content[_HO3D]
         if given is None:  # as HO-3D has it where there is no annotation
             continue
@@ -180,7 +182,8 @@ def _predicted(hands: Any, hand: Hand, path: Path) -> Array | None:
 
 
 def _points(value: Any, path: Path, what: str) -> Array:
-    array = np.asarray(value)
-    if array.dtype.kind not in "fiu":
-        raise InputError(f"{what} holds {array.dtype}, expected numbers", path)
+    try:
+        array = plain(value)
+    except (LookupError, OverflowError, RecursionError, TypeError, ValueError) as error:
+        raise InputError(f"{what}: {shown(str(error))}, expected numbers", path) from None
     return array.astype(np.float64)
