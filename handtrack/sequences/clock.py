@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.sequences.clock_repair import Repaired, repaired, typical_step
+from handtrack.sequences.clock_even import typical_step
+from handtrack.sequences.clock_repair import Repaired, repaired
 from handtrack.sequences.clock_text import NotTimeError, Numbers, as_numbers
 
 TimeUnit = Literal["s", "ms", "us", "ns"]
@@ -187,7 +188,8 @@ def _by_stamps(
     unit, note = _unit(stamps, step, known, rate, given_unit, read.unit, path)
     notes += [note] if note else []
     if unit == "frame":
-        return _by_rate(values.astype(np.int64), path, rate, notes)
+        clock = _by_rate(values.astype(np.int64), path, rate or DEFAULT_FPS, notes)
+        return clock._replace(stated=rate is not None)
     factor = UNIT_NS[unit]
     time_ns, beyond = _checked_ns(values, factor, missing, path, stamps.name)
     missing = missing | beyond
@@ -267,8 +269,8 @@ def _unit(
             path,
         )
     if found == "frame":
-        said = f"{name} counts frames" + ("" if rate else f": {DEFAULT_FPS:g} frames/s assumed")
-        return found, f"{said} (--fps, or --time-unit)"
+        at = "at the file's rate" if rate else f"{DEFAULT_FPS:g} frames/s assumed"
+        return found, f"{name} counts frames: {at} (--fps, or --time-unit)"
     if stated is not None:
         return found, (
             f"{name} in {stated} would make {_fps(step, stated):.3g} frames/s: read as {found},"

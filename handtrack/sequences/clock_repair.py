@@ -14,12 +14,13 @@ In this order, each said in a note:
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
+from handtrack.sequences.clock_even import filled, spread
 
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -31,10 +32,15 @@ PAUSE_NS = 10**9
 """Between clips that stand one behind the other: longer than a filter goes on."""
 _STRAYS = 8
 """So many frames in a row can be stray at most."""
+_AT_END = 3
+"""So many at the first or the last end."""
 _NEAR = 8
 """So far from its place can a frame be that only came late."""
 _BACKWARDS = 0.05
-"""Where time goes back in more than this share of the steps the stamps are in disorder."""
+"""Where time goes back in more than this share of the steps, and stays back, sorting or
+nothing helps."""
+_DISORDER = 0.2
+"""Where it goes back in more than this share, nothing does."""
 
 
 class Repaired(NamedTuple):
@@ -49,32 +55,6 @@ class Repaired(NamedTuple):
     rows: Indices
     time_ns: Indices
     notes: tuple[str, ...]
-
-
-def typical_step(values: NDArray[Any], missing: Flags) -> float:
-    """By how much values go up from frame to frame, usually (0: nothing tells).
-
-    A run of equal values shares the step to the next among its frames; the usual ones of these
-    are averaged, so that rounding does not count. Neither do steps back, unless most are.
-    """
-    at = np.flatnonzero(~missing)
-    known = values[at]
-    if len(known) < 2:
-        return 0.0
-    first = np.concatenate([[0], np.flatnonzero(np.diff(known) != 0) + 1])
-    if len(first) < 2:
-        return 0.0
-    frames = np.diff(at[first])
-    steps = np.diff(known[first]) / frames
-    ahead = steps > 0
-    if 2 * ahead.sum() < len(steps):
-        return float(np.median(np.diff(np.unique(known))))
-    middle = np.median(np.repeat(steps[ahead], frames[ahead]))
-    usual = (steps > 0.4 * middle) & (steps < 2.5 * middle)
-    # half as many again is one frame left out, where stamps are not rounded
-    if not (frames > 1).any():
-        usual = (steps > 0.5 * middle) & (steps < 1.5 * middle)
-    return float((steps * frames)[usual].sum() / frames[usual].sum())
 
 
 def repaired(
@@ -110,6 +90,9 @@ def repaired(
         if numbers is not None:
             numbers = numbers[order]
         notes.append(f"{_frames(moved)} of {n} were not in order of {name}: sorted")
+    steps = np.diff(time_ns[~missing])
+    if (steps < 0).sum() > max(3, _DISORDER * n):
+        raise InputError(_disorder(name, int((steps < 0).sum()), n), path)
     if missing.any():
         notes.append(f"{name} is missing in {_frames(int(missing.sum()))} of {n}: filled in")
     stray = _strays(time_ns, missing, step)
@@ -123,17 +106,13 @@ def repaired(
     time_ns, said = _joined(time_ns, missing, step, name)
     back = int((np.diff(time_ns[~missing]) < 0).sum())
     if back or len(said) > max(3, _BACKWARDS * n):
-        raise InputError(
-            f"{name} goes back {len(said) + back} times in {n} frames, it is no clock (--fps N goes"
-            " by the order of the frames)",
-            path,
-        )
+        raise InputError(_disorder(name, len(said) + back, n), path)
     notes += said[:3] + ([f"and so at {len(said) - 3} more places"] if len(said) > 3 else [])
-    time_ns = _filled(time_ns, missing, step)
+    time_ns = filled(time_ns, missing, step)
     equal = np.diff(time_ns) <= 0
     if equal.any():
         notes.append(_repeats(time_ns, missing, name))
-        time_ns = _spread(time_ns, step)
+        time_ns = spread(time_ns, step)
     if not (np.diff(time_ns) > 0).all():
         raise InputError(f"{name} is too coarse (--fps N goes by the order of the frames)", path)
     return Repaired(rows, time_ns, (*notes, *_gaps(time_ns, step)))
@@ -166,7 +145,7 @@ def _strays(time_ns: Indices, missing: Flags, step: float) -> Flags:
     at = np.flatnonzero(~missing)
     t = time_ns[at]
     stray = np.zeros(len(time_ns), bool)
-    leap = max(20 * step, 10**9)
+    leap = _leap(step)
     steps = np.diff(t)
     breaks = np.flatnonzero((steps < 0) | (steps > leap))
     # pieces without a break: first and one past the last
@@ -178,6 +157,12 @@ def _strays(time_ns: Indices, missing: Flags, step: float) -> Flags:
             stray[at[ends[i] : ends[i + length]]] = True
             i += length
         i += 1
+    for piece, inner in ((0, ends[1]), (len(ends) - 2, ends[-2])):
+        # at an end only time that goes back shows it
+        begin, end = ends[piece], ends[piece + 1]
+        goes_back = len(ends) > 2 and t[inner] < t[inner - 1]
+        if goes_back and end - begin <= _AT_END and 10 * (end - begin) < len(t):
+            stray[at[begin:end]] = True
     # of two neighbours in the wrong order, the one without which the rest is even
     for b in np.flatnonzero(np.diff(time_ns) < 0).tolist():
         if missing[b] or missing[b + 1] or stray[b] or stray[b + 1]:
@@ -189,7 +174,7 @@ def _strays(time_ns: Indices, missing: Flags, step: float) -> Flags:
             if left >= 0 and right < len(time_ns) and not (missing[left] or missing[right])
         }
         best = min(apart, key=lambda one: apart[one], default=None)
-        if best is not None and apart[best] < 0.5:
+        if best is not None and apart[best] < 0.55:
             stray[best] = True
     return stray
 
@@ -213,79 +198,52 @@ def _joined(time_ns: Indices, missing: Flags, step: float, name: str) -> tuple[I
     at = np.flatnonzero(~missing)
     steps = np.diff(time_ns[at])
     notes: list[str] = []
-    out = time_ns.copy()
-    began = 0
-    for b in np.flatnonzero((steps < 0) | (steps > DAY_NS)).tolist():
-        before, after = int(at[b]), int(at[b + 1])
-        frames = after - before
-        change = int(steps[b])
-        ahead = round(step * frames)
-        if change > 0:
-            done = f"{name} leaps by {_duration(change)} at frame {after}: the clock was set;"
-        elif abs(change + DAY_NS) < max(10 * step, PAUSE_NS):
-            ahead = change + DAY_NS if change + DAY_NS > 0 else ahead
-            done = f"{name} passes midnight at frame {after}:"
-        elif time_ns[after] <= time_ns[began] + 2 * step:
-            ahead = max(ahead, PAUSE_NS)
-            done = f"{name} starts again at frame {after}: several clips in one file?"
-        else:
-            done = f"{name} goes back by {_duration(-change)} at frame {after}: the clock was set;"
-        out[after:] += ahead - change
-        began = after
+    by = np.zeros(len(time_ns), np.int64)
+    offset, began = 0, 0
+    set_at: tuple[int, int] | None = None
+    """The last frame before the clock was set, and by how much its time was moved."""
+    for b in np.flatnonzero((steps < 0) | (steps > _leap(step))).tolist():
+        before, after, change = int(at[b]), int(at[b + 1]), int(steps[b])
+        if 0 < change <= DAY_NS:
+            if set_at is None:
+                continue
+            across, frames = int(time_ns[after] - time_ns[set_at[0]]), after - set_at[0]
+            if 0 < across <= 3 * frames * step:  # it was set right again
+                by[after] = set_at[1] - offset
+                offset, began, set_at = set_at[1], after, None
+            continue
+        ahead, done = _went(time_ns, before, after, began, step, name)
+        set_at = (before, offset)
+        by[after] = ahead - change
+        offset, began = offset + ahead - change, after
         notes.append(f"{done} what follows is moved to go on from there")
-    return out, notes
+    return time_ns + np.cumsum(by), notes
 
 
-def _filled(time_ns: Indices, missing: Flags, step: float) -> Indices:
-    """Missing stamps between their neighbours, no farther apart than a step."""
-    if not missing.any():
-        return time_ns
-    at = np.flatnonzero(~missing)
-    out = time_ns.copy()
-    frame = np.arange(len(time_ns))
-    before = at[np.clip(np.searchsorted(at, frame, "right") - 1, 0, len(at) - 1)]
-    after = at[np.clip(np.searchsorted(at, frame, "left"), 0, len(at) - 1)]
-    room = (time_ns[after] - time_ns[before]).astype(np.float64)
-    share = np.where(after > before, room / np.maximum(after - before, 1), step)
-    share = np.minimum(share, 3 * step)
-    ahead = np.round((frame - before) * share).astype(np.int64)
-    out[missing] = (time_ns[before] + ahead)[missing]
-    return out
+def _went(
+    time_ns: Indices, before: int, after: int, began: int, step: float, name: str
+) -> tuple[int, str]:
+    """How much later frame `after` is taken to be than frame `before` [ns], and why."""
+    change = int(time_ns[after] - time_ns[before])
+    ahead = round(step * (after - before))
+    if change > 0:
+        return ahead, f"{name} leaps by {_duration(change)} at frame {after}: the clock was set;"
+    past_midnight = change + DAY_NS
+    if abs(past_midnight) < max(10 * step, PAUSE_NS):
+        passes = past_midnight if past_midnight > 0 else ahead
+        return passes, f"{name} passes midnight at frame {after}:"
+    if abs(int(time_ns[after]) - int(time_ns[began])) <= 2 * step * (1 + after - before):
+        restart = f"{name} starts again at frame {after}: several clips in one file?"
+        return max(ahead, PAUSE_NS), restart
+    return ahead, (
+        f"{name} goes back by {_duration(-change)} at frame {after}: the clock was set, or several"
+        " clips are in one file;"
+    )
 
 
-def _spread(time_ns: Indices, step: float) -> Indices:
-    """Runs of equal stamps spread over the time to the next."""
-    first = np.concatenate([[0], np.flatnonzero(np.diff(time_ns) != 0) + 1])
-    frames = np.diff(np.concatenate([first, [len(time_ns)]]))
-    even = _unrounded(time_ns, first)
-    if even is not None:
-        return even
-    room = np.append(np.diff(time_ns[first]) / frames[:-1], step)
-    apart = np.repeat(np.minimum(room, step), frames)
-    place = np.arange(len(time_ns)) - np.repeat(first, frames)
-    out = time_ns + np.round(place * apart).astype(np.int64)
-    # of a rounded clock the first run is only the end of one
-    if frames[0] > 1 and len(first) > 1 and step < room[0] < 100 * step:
-        n = frames[0]
-        out[:n] = time_ns[n] - np.round((n - np.arange(n)) * step).astype(np.int64)
-    return np.asarray(out, dtype=np.int64)
-
-
-def _unrounded(time_ns: Indices, first: Indices) -> Indices | None:
-    """The even times that stamps were rounded from, where such are within the rounding."""
-    n = len(time_ns)
-    if n - len(first) < max(3, n // 10) or len(first) < 4:
-        return None
-    if len(set(np.diff(first).tolist())) == 1:  # all runs alike: shared out they are even
-        return None
-    place, since = np.arange(n, dtype=np.float64), (time_ns - time_ns[0]).astype(np.float64)
-    grain = float(np.diff(time_ns[first]).min())
-    slope, start = np.polyfit(place, since, 1)
-    line = start + slope * place
-    # an edge of a run may lie anywhere in the grain before or after it
-    if slope < 1 or not (np.abs(line - since) <= grain).all():
-        return None
-    return np.asarray(time_ns[0] + np.round(line).astype(np.int64))
+def _leap(step: float) -> float:
+    """A step beyond this is not of frames left out [ns]."""
+    return max(20 * step, 1e9)
 
 
 def _repeats(time_ns: Indices, missing: Flags, name: str) -> str:
@@ -302,6 +260,13 @@ def _gaps(time_ns: Indices, step: float) -> list[str]:
     long = np.flatnonzero(steps > max(GAP_NS, GAP_STEPS * step))
     notes = [f"no frames for {_duration(int(steps[b]))} after frame {b}" for b in long[:3].tolist()]
     return notes + ([f"and so at {len(long) - 3} more places"] if len(long) > 3 else [])
+
+
+def _disorder(name: str, back: int, n: int) -> str:
+    return (
+        f"{name} goes back {back} times in {n} frames, it is no clock (--fps N goes by the order"
+        " of the frames)"
+    )
 
 
 def _frames(n: int) -> str:

@@ -78,8 +78,10 @@ def as_numbers(given: Any, rate: float | None) -> Numbers:
         array = np.asarray(given)
         if array.dtype.kind in "Mm":
             return _of_dates(array)
-        if array.dtype.kind in "fiub":
+        if array.dtype.kind in "fiu":
             return _of_array(array)
+        if array.dtype.kind == "S":
+            array = np.char.decode(array, "utf-8", "replace")
         given = array.tolist()
     if not isinstance(given, list | tuple):
         given = [given]
@@ -176,10 +178,13 @@ def _pair_ns(value: Any, frame: int) -> int:
     elif len(value) == 2:
         parts = list(value)
     if len(parts) != 2 or not all(
-        isinstance(p, int | float) and not isinstance(p, bool) and np.isfinite(p) for p in parts
+        isinstance(p, int | float | np.number) and not isinstance(p, bool) and np.isfinite(p)
+        for p in parts
     ):
         raise NotTimeError(frame, f"is {str(value)[:40]}, expected sec and nanosec")
-    return int(parts[0] * 10**9) + int(parts[1])
+    seconds = parts[0]
+    whole = int(seconds) * 10**9 if seconds == int(seconds) else int(seconds * 1e9)
+    return whole + int(parts[1])
 
 
 def _of_texts(texts: Items[str | None], rate: float | None) -> Numbers:
@@ -195,7 +200,8 @@ def _of_texts(texts: Items[str | None], rate: float | None) -> Numbers:
     for i, text in enumerate(texts):
         values.append(None if text is None else _moment_ns(text))
         if text is not None and values[-1] is None:
-            raise NotTimeError(i, f"is {text[:40]!r}, expected a time like {first[:40]!r}")
+            like = "" if text == first else f" like {first[:40]!r}"
+            raise NotTimeError(i, f"is {text[:40]!r}, expected a time{like}")
     return _whole(values, "ns")
 
 
