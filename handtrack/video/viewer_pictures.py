@@ -14,7 +14,7 @@ from handtrack.tracking.track import Track
 from handtrack.video.media import pictures
 from handtrack.video.optional import opencv
 from handtrack.video.seen import Seen
-from handtrack.viewer import style as style
+from handtrack.viewer import style
 from handtrack.viewer.picture_log import PictureView
 
 Array = NDArray[np.float64]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from handtrack.hand.skeleton import FINGERS
+from handtrack.viewer.abilities import accepted, eye_controls, log_columns, status_views
 from handtrack.viewer.eye import Eye, Seen, eye
 from handtrack.viewer.shown import Shown, counterpart
 
@@ -33,7 +34,6 @@ def blueprint(
         pictures: names of cameras whose pictures are shown below the hands.
     """
     import rerun.blueprint as rrb
-    from rerun.blueprint.encodings import TextLogColumnKind as Column
 
     view = view or eye([Seen.of(hand.track, hand.offset) for hand in hands])
     runs = dict.fromkeys(hand.run for hand in hands)
@@ -46,14 +46,10 @@ def blueprint(
         worlds = [_world(hands, "hands" if len(hands) > 1 else "hand", view)]
     plots = [_compared(hand, first) for hand in hands if (first := counterpart(hand, hands))]
     plots += [_plots(hand.topic) for hand in hands]
-    status = rrb.StateTimelineView(origin="status", name="status")
-    columns = [Column.EntityPath, Column.LogLevel, Column.Body]
-    log = rrb.TextLogView(
-        origin="log",
-        name="events",
-        # whose line it is matters only where there are several
-        columns=rrb.TextLogColumns(text_log_columns=columns if len(hands) > 1 else columns[1:]),
-    )
+    # whose line it is matters only where there are several
+    columns = ("EntityPath", "LogLevel", "Body")[len(hands) == 1 :]
+    log = rrb.TextLogView(origin="log", name="events", **log_columns(*columns))
+    below = status_views(log)
     left: rrb.Container | rrb.View = rrb.Horizontal(*worlds) if len(worlds) > 1 else worlds[0]
     if pictures:
         cameras = [rrb.Spatial2DView(origin=f"pictures/{name}", name=name) for name in pictures]
@@ -63,16 +59,19 @@ def blueprint(
             left,
             rrb.Vertical(
                 plots[0] if len(plots) == 1 else rrb.Tabs(*plots),
-                rrb.Horizontal(status, log, column_shares=[1, 2]),
+                rrb.Horizontal(*below, column_shares=[1, 2][-len(below) :]),
                 row_shares=[4, 1],
             ),
             column_shares=[1, 1],
         ),
         rrb.TimePanel(
             state="collapsed",
-            timeline="time",
-            loop_mode="off" if follow else "all",  # what loops does not follow
-            play_state="following" if follow else None,
+            **accepted(
+                rrb.TimePanel,
+                timeline="time",
+                loop_mode="off" if follow else "all",  # what loops does not follow
+                play_state="following" if follow else None,
+            ),
         ),
         collapse_panels=True,
     )
@@ -88,12 +87,7 @@ def _world(hands: Sequence[Shown], name: str, view: Eye) -> rrb.Spatial3DView:
         background=rrb.Background(color=_BACKGROUND),
         # a grid would claim to know the floor
         line_grid=rrb.LineGrid3D(visible=False),
-        eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital,
-            position=view.position.tolist(),
-            look_target=view.target.tolist(),
-            eye_up=view.up.tolist(),
-        ),
+        **eye_controls(view),
     )
 
 

@@ -14,7 +14,8 @@ from handtrack.hand.skeleton import ANGLE_JOINT, BONES, FINGERS, JOINT_NAMES
 from handtrack.recording.distances import mean_and_max
 from handtrack.recording.log_lines import log_lines
 from handtrack.tracking.track import Track
-from handtrack.viewer import style as style
+from handtrack.viewer import style
+from handtrack.viewer.abilities import draws_states
 from handtrack.viewer.limit_marks import HELD, OUTSIDE, limit_marks
 from handtrack.viewer.shown import Shown
 
@@ -122,10 +123,11 @@ class HandLog:
             names=[name for name, _ in shown],
         )
         self._static(f"errors/{hand.topic}", lines)
-        states = rr.StateConfiguration(
-            values=list(style.STATUS_COLOURS), colors=list(style.STATUS_COLOURS.values())
-        )
-        self._static(f"status/{hand.topic}", states)
+        if draws_states():
+            states = rr.StateConfiguration(
+                values=list(style.STATUS_COLOURS), colors=list(style.STATUS_COLOURS.values())
+            )
+            self._static(f"status/{hand.topic}", states)
 
     def add(self, part: Track) -> None:
         """Send the next frames."""
@@ -307,7 +309,7 @@ class HandLog:
         status = part.status
         rows = np.flatnonzero(np.r_[status[:1] != self._status, status[1:] != status[:-1]])
         self._status = str(status[-1])
-        if rows.size:
+        if rows.size and draws_states():
             columns = rr.StateChange.columns(state=status[rows].tolist())
             self._send(part, f"status/{self._hand.topic}", columns, rows)
 

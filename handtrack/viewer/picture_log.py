@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.hand.skeleton import BONES
-from handtrack.viewer import style as style
+from handtrack.viewer import style
 
 if TYPE_CHECKING:
     import rerun as rr

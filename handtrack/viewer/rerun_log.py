@@ -13,7 +13,7 @@ from handtrack.files.whole import whole_file
 from handtrack.hand.limits import Limits
 from handtrack.recording.distances import mean_and_max
 from handtrack.tracking.track import Track
-from handtrack.viewer import style as style
+from handtrack.viewer import style
 from handtrack.viewer.blueprint import blueprint
 from handtrack.viewer.hand_log import HandLog, indexes
 from handtrack.viewer.picture_log import PictureView, log_pictures

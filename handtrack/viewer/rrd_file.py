@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from handtrack.viewer.abilities import writes_footers
+
 if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
@@ -56,6 +58,8 @@ def rrd_file(
             copying.join()
     if failures:
         raise failures[0]
+    if not writes_footers():
+        return
     with path.open("rb") as stream:
         stream.seek(-len(_FOOTER) - 4, os.SEEK_END)
         if stream.read(len(_FOOTER)) != _FOOTER:

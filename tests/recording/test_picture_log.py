@@ -8,7 +8,7 @@ import numpy as np
 from recording_checks import rrd_columns
 
 from handtrack.tracking.track import Track
-from handtrack.viewer import style as style
+from handtrack.viewer import style
 from handtrack.viewer.picture_log import BATCH, PictureView
 from handtrack.viewer.rerun_log import log_rerun
 

@@ -26,7 +26,7 @@ from handtrack.hand.skeleton import ANGLE_JOINT, FINGERS
 from handtrack.recording.tracks import write_mcap
 from handtrack.recording.window import rows
 from handtrack.tracking.track import Track
-from handtrack.viewer import style as style
+from handtrack.viewer import style
 from handtrack.viewer.eye import Seen, eye
 from handtrack.viewer.limit_marks import OUTSIDE, limit_marks
 from handtrack.viewer.live_viewer import stream

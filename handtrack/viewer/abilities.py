@@ -1,0 +1,70 @@
+"""What Rerun's versions can do: the oldest that is accepted lacks some of what the newest has."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from handtrack.viewer.eye import Eye
+
+if TYPE_CHECKING:
+    import rerun.blueprint as rrb
+
+
+def accepted(function: Callable[..., Any], **wanted: Any) -> dict[str, Any]:
+    """The arguments among those wanted that a function of this version knows."""
+    known = inspect.signature(function).parameters
+    return {name: value for name, value in wanted.items() if name in known}
+
+
+def draws_states() -> bool:
+    """Whether states over time are drawn as bands (from 0.32); the log tells them too."""
+    import rerun as rr
+
+    return hasattr(rr, "StateChange")
+
+
+def writes_footers() -> bool:
+    """Whether a file that is complete ends in a footer (from 0.28)."""
+    import rerun as rr
+
+    return tuple(map(int, rr.__version__.split(".")[:2])) >= (0, 28)
+
+
+def eye_controls(view: Eye) -> dict[str, Any]:
+    """Where a 3D view looks from, where that can be said (from 0.28)."""
+    import rerun.blueprint as rrb
+
+    controls = getattr(rrb, "EyeControls3D", None)
+    if controls is None or "position" not in inspect.signature(controls).parameters:
+        return {}
+    looking = controls(
+        kind=rrb.Eye3DKind.Orbital,
+        position=view.position.tolist(),
+        look_target=view.target.tolist(),
+        eye_up=view.up.tolist(),
+    )
+    return {"eye_controls": looking}
+
+
+def log_columns(*names: str) -> dict[str, Any]:
+    """Which columns a TextLogView shows, where that can be said (from 0.28)."""
+    import rerun.blueprint as rrb
+
+    if not hasattr(rrb, "TextLogColumns"):
+        return {}
+    try:
+        from rerun.blueprint.encodings import TextLogColumnKind
+    except ModuleNotFoundError:
+        from rerun.blueprint.datatypes import TextLogColumnKind  # before 0.41
+    kinds = [getattr(TextLogColumnKind, name) for name in names]
+    return {"columns": rrb.TextLogColumns(text_log_columns=kinds)}
+
+
+def status_views(log: rrb.TextLogView) -> list[rrb.View]:
+    """The hands' states beside the log, or the log alone."""
+    import rerun.blueprint as rrb
+
+    states = [rrb.StateTimelineView(origin="status", name="status")] if draws_states() else []
+    return [*states, log]
