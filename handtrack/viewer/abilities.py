@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -54,11 +56,9 @@ def log_columns(*names: str) -> dict[str, Any]:
 
     if not hasattr(rrb, "TextLogColumns"):
         return {}
-    try:
-        from rerun.blueprint.encodings import TextLogColumnKind
-    except ModuleNotFoundError:
-        from rerun.blueprint.datatypes import TextLogColumnKind  # before 0.41
-    kinds = [getattr(TextLogColumnKind, name) for name in names]
+    where = "encodings" if importlib.util.find_spec("rerun.blueprint.encodings") else "datatypes"
+    kind = importlib.import_module(f"rerun.blueprint.{where}").TextLogColumnKind
+    kinds = [getattr(kind, name) for name in names]
     return {"columns": rrb.TextLogColumns(text_log_columns=kinds)}
 
 
