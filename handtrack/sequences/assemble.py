@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS, ORDER_JOINTS, ORDERS
+from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS
 from handtrack.sequences.clock import UNIT_NS, Clock, TimeUnit, check_fps, read_clock
+from handtrack.sequences.joint_order import AXIS_MAJOR, check_order, ordered_by_axis, read_order
+from handtrack.sequences.marks import marked
 from handtrack.sequences.readers.raw import METRES, Array, Raw, Unit
 from handtrack.sequences.sequence import Sequence
+from handtrack.sequences.skeleton_check import Picks
 
 FARTHEST = 1e6
 """[m] No hand is farther from the origin; damaged numbers are."""
-_BY_COUNT = {21: "handtrack", 25: "webxr", 26: "openxr"}
+Mirror = Literal["x", "y", "z"]
+_MIRRORED: dict[Mirror | None, Array] = {
+    None: np.ones(3),
+    "x": np.array([-1.0, 1.0, 1.0]),
+    "y": np.array([1.0, -1.0, 1.0]),
+    "z": np.array([1.0, 1.0, -1.0]),
+}
 
 
 @dataclass(frozen=True)
@@ -24,15 +33,17 @@ class Given:
 
     Attributes:
         unit: unit of the joints.
-        order: a name of `skeleton.ORDERS`.
+        order: a name of `skeleton.ORDERS`, `AXIS_MAJOR`, or the places of our joints.
         fps: frames per second, instead of the source's times.
         time_unit: of the source's times.
+        mirror: axis whose sign is changed, for sources whose world is left-handed.
     """
 
     unit: Unit | None = None
     order: str | None = None
     fps: float | None = None
     time_unit: TimeUnit | None = None
+    mirror: Mirror | None = None
 
 
 def assemble(raw: Raw, given: Given) -> Sequence:
@@ -44,26 +55,27 @@ def assemble(raw: Raw, given: Given) -> Sequence:
         InputError: joints that do not fit the order, an unknown order in the file, joints far
             from everything, or anything that `Sequence` refuses.
     """
-    notes = list(raw.notes)
-    pick = _order(raw, given)
-    joints, n_missing = _without_marks(raw.joints)
-    joints = joints[:, pick]
-    if n_missing:
-        notes.append(f"{n_missing} joints at exactly 0, 0, 0 or -1, -1, -1 were taken as missing")
+    if given.order == AXIS_MAJOR:
+        truth = None if raw.truth is None else ordered_by_axis(raw.truth)
+        raw = replace(raw, joints=ordered_by_axis(raw.joints), truth=truth)
+    reading = read_order(raw, given.order)
+    notes = [*raw.notes, *reading.notes]
+    pick = np.array(reading.picks)
     unit = unit_of(raw, given)
-    joints = joints * METRES[unit]
+    to_metres = METRES[unit] * _MIRRORED[given.mirror]
+    joints = _picked(raw.joints, reading.picks) * to_metres
     _check_reach(joints, raw)
     confidence = raw.confidence
     if confidence is not None:
         confidence = (
             np.repeat(confidence[:, None], N_JOINTS, axis=1)
             if confidence.ndim == 1
-            else confidence[:, pick]
+            else np.where(pick < 0, 0.0, confidence[:, pick])
         )
     clock = _clock(raw, given)
     notes += clock.notes
     rows = clock.rows
-    truth = None if raw.truth is None else raw.truth[:, pick] * METRES[unit]
+    truth = None if raw.truth is None else _picked(raw.truth, reading.picks) * to_metres
     return Sequence(
         time_ns=clock.time_ns,
         joints=joints[rows],
@@ -85,24 +97,45 @@ def unit_of(raw: Raw, given: Given) -> Unit:
     return given.unit or raw.unit or "m"
 
 
+def without_marks(raws: list[Raw]) -> list[Raw]:
+    """The hands of one source, with NaN for joints that are marked as missing or not trusted.
+
+    Marks are judged over all of them, truths included; a joint of confidence 0 is missing.
+    """
+    arrays = [raw.joints for raw in raws] + [r.truth for r in raws if r.truth is not None]
+    masks, marks = marked(arrays)
+    truths = iter(masks[len(raws) :])
+    out = []
+    for raw, mask in zip(raws, masks, strict=False):
+        notes = []
+        if mask.any():
+            notes.append(f"{mask.sum()} joints at {marks} were taken as missing")
+        if raw.confidence is not None:
+            distrusted = np.zeros_like(mask) | (raw.confidence.reshape(len(mask), -1) == 0)
+            distrusted &= ~mask & np.isfinite(raw.joints).all(-1)
+            if distrusted.any():
+                notes.append(f"{distrusted.sum()} joints of confidence 0 were taken as missing")
+            mask = mask | distrusted
+        truth = raw.truth
+        if truth is not None:
+            in_truth = next(truths)
+            if in_truth.any():
+                notes.append(f"{in_truth.sum()} true joints at {marks} were taken as missing")
+            truth = np.where(in_truth[..., None], np.nan, truth)
+        joints = np.where(mask[..., None], np.nan, raw.joints)
+        out.append(replace(raw, joints=joints, truth=truth, notes=(*raw.notes, *notes)))
+    return out
+
+
 def anything_seen(raw: Raw) -> bool:
     """Whether any joint is there in any frame."""
-    return bool(np.isfinite(_without_marks(raw.joints)[0]).all(-1).any())
+    return bool(np.isfinite(raw.joints).all(-1).any())
 
 
-def _order(raw: Raw, given: Given) -> NDArray[np.int64]:
-    """(21,) which of the source's joints are ours."""
-    n = raw.joints.shape[1]
-    name = given.order or raw.order or _BY_COUNT.get(n)
-    if name is None or name not in ORDERS:
-        raise InputError(
-            f"joint order {name!r} is unknown, known are {', '.join(ORDERS)}", raw.path
-        )
-    if ORDER_JOINTS[name] != n:
-        raise InputError(
-            f"a frame has {n} joints, the order {name} has {ORDER_JOINTS[name]}", raw.path
-        )
-    return np.array(ORDERS[name])
+def _picked(joints: Array, picks: Picks) -> Array:
+    """(T, 21, 3) our joints of a source's, NaN where it has none."""
+    places = np.array(picks)
+    return np.where((places < 0)[:, None], np.nan, joints[:, places])
 
 
 def _check_reach(joints: Array, raw: Raw) -> None:
@@ -113,21 +146,6 @@ def _check_reach(joints: Array, raw: Raw) -> None:
             f"frame {frame}: {JOINT_NAMES[joint]} is at {joints[frame, joint, axis]:.3g} m",
             raw.path,
         )
-
-
-def _without_marks(joints: Array) -> tuple[Array, int]:
-    """Joints with NaN where the source marked them missing, and how many it marked.
-
-    Sources write 0, 0, 0 or -1, -1, -1. One joint alone may truly be there (the wrist of joints
-    given relative to it); two of a hand cannot be at one place.
-    """
-    joints = np.array(joints, dtype=np.float64)
-    marked = np.zeros(joints.shape[:2], dtype=bool)
-    for mark in (0.0, -1.0):
-        at_mark = (joints == mark).all(-1)
-        marked |= at_mark & (at_mark.sum(1, keepdims=True) > 1)
-    joints[marked] = np.nan
-    return joints, int(marked.sum())
 
 
 def _clock(raw: Raw, given: Given) -> Clock:
@@ -145,23 +163,29 @@ def _clock(raw: Raw, given: Given) -> Clock:
 
 
 def check_settings(
-    unit: str | None, order: str | None, fps: float | None, time_unit: str | None = None
+    unit: str | None,
+    order: str | None,
+    fps: float | None,
+    time_unit: str | None = None,
+    mirror: str | None = None,
 ) -> Given:
     """The caller's settings, checked.
 
     Raises:
-        SettingsError: an unknown unit, order or unit of time, with those that are known, or an
-            unusable fps.
+        SettingsError: an unknown unit, order, unit of time or axis, with those that are known,
+            or an unusable fps.
     """
     known = next((u for u in METRES if u == unit), None)
     if unit is not None and known is None:
         raise SettingsError(f"unknown unit {unit!r}, expected one of {', '.join(METRES)}")
-    if order is not None and order not in ORDERS:
-        raise SettingsError(f"unknown joint order {order!r}, expected one of {', '.join(ORDERS)}")
+    check_order(order)
     of_time = next((u for u in UNIT_NS if u == time_unit), None)
     if time_unit is not None and of_time is None:
         raise SettingsError(
             f"unknown unit of time {time_unit!r}, expected one of {', '.join(UNIT_NS)}"
         )
+    axis = next((a for a in _MIRRORED if a == mirror), None)
+    if mirror is not None and axis is None:
+        raise SettingsError(f"mirror is {mirror!r}, expected x, y or z")
     check_fps(fps)
-    return Given(known, order, None if fps is None else float(fps), of_time)
+    return Given(known, order, None if fps is None else float(fps), of_time, axis)

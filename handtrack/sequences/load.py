@@ -9,7 +9,14 @@ from os import PathLike, sep
 from pathlib import Path
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.sequences.assemble import Given, anything_seen, assemble, check_settings, unit_of
+from handtrack.sequences.assemble import (
+    Given,
+    anything_seen,
+    assemble,
+    check_settings,
+    unit_of,
+    without_marks,
+)
 from handtrack.sequences.hands import CHOICES, HandChoice, label_hands
 from handtrack.sequences.readers.folder import Source, sources
 from handtrack.sequences.readers.mano_params import decoded
@@ -30,6 +37,7 @@ def load(
     mano: str | PathLike[str] | None = None,
     mano_tips: str = "smplx",
     time_unit: str | None = None,
+    mirror: str | None = None,
 ) -> list[Sequence]:
     """Joint sequences from a file or a folder; the format is recognised by content.
 
@@ -49,7 +57,9 @@ def load(
             that is what it is. "swap": the file's labels exchanged, for files that have them
             the wrong way round.
         unit: "m", "cm" or "mm", instead of what the source says (where it is silent: m).
-        order: joint order, a name of `handtrack.hand.skeleton.ORDERS`, instead of the source's.
+        order: joint order, instead of the source's: a name of `handtrack.hand.skeleton.ORDERS`,
+            "axis-major" (all x, all y, all z), or the 21 places of our joints in the source,
+            separated by commas (-1: it has none).
         fps: frames per second; replaces the source's times: frame i is at i / fps seconds.
         frames: first and last source frame number to keep, both included.
         format: name of the format (`readers.recognise.FORMATS`), where content could be taken
@@ -58,6 +68,8 @@ def load(
             MANO_RIGHT.pkl and MANO_LEFT.pkl.
         mano_tips: whose vertices are the fingertips (`handtrack.hand.mano.TIP_VERTICES`).
         time_unit: "s", "ms", "us" or "ns", instead of what the source says or its times suggest.
+        mirror: "x", "y" or "z": the axis whose sign is changed, for sources whose world is
+            left-handed (Unity, Unreal); hands keep their names.
 
     Returns:
         At least one sequence, in order of path, person and hand, with different names.
@@ -69,7 +81,7 @@ def load(
             known), fps not above zero, frames the wrong way round.
     """
     where = Path(path)
-    given = check_settings(unit, order, fps, time_unit)
+    given = check_settings(unit, order, fps, time_unit, mirror)
     choice = _hand_choice(hand)
     _check_frames(frames)
     check_format(format)
@@ -101,6 +113,7 @@ def _finish(
     raws: list[Raw], given: Given, choice: HandChoice, frames: tuple[int, int] | None
 ) -> list[Sequence]:
     """The sequences of one source, checked, labelled and cut to the frames asked for."""
+    raws = without_marks(raws)
     seen = [raw for raw in raws if anything_seen(raw)] or raws[:1]
     sequences = [assemble(raw, given) for raw in seen]
     units = [unit_of(raw, given) for raw in seen]

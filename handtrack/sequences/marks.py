@@ -1,0 +1,105 @@
+"""Marks: what sources write in place of joints that are missing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Items
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.sequences.readers.raw import Array
+
+Mask = NDArray[np.bool_]
+
+# a place is far from a hand where it is so many radii of the hand from its middle
+_FAR = 3.0
+# so many values and frames are looked at
+_VALUES, _LOOK = 100, 200
+
+
+def marked(arrays: Items[Array]) -> tuple[list[Mask], str]:
+    """Which joints of a source are marks instead of places.
+
+    A mark has one value in all three coordinates: 0, -1, infinity, or another that comes again
+    or is far from the hand. The whole source is judged at once: what is a mark in one array is
+    one in all. One joint that is at 0, 0, 0 in every frame, amid the others, is no mark: joints
+    may be given relative to it.
+
+    Args:
+        arrays: (T, N, 3) each, joints and truths of all hands, in the source's unit, before
+            anything is done to them.
+
+    Returns:
+        (T, N) of each array, and the marks that were found, for messages; "" if none.
+    """
+    even = [(x[..., 0] == x[..., 1]) & (x[..., 1] == x[..., 2]) for x in arrays]
+    nowhere = [e & np.isinf(x[..., 0]) for x, e in zip(arrays, even, strict=True)]
+    masks = [m.copy() for m in nowhere]
+    found = ["infinity"] if any(m.any() for m in masks) else []
+    for value in _values(arrays, even):
+        at = [e & (x[..., 0] == value) for x, e in zip(arrays, even, strict=True)]
+        if value == -1 or _is_mark(arrays, at):
+            masks = [m | a for m, a in zip(masks, at, strict=True)]
+            found.append(", ".join([f"{value:g}"] * 3))
+    zeros = [_zeros(x, m) for x, m in zip(arrays, masks, strict=True)]
+    if any(z.any() for z in zeros):
+        found.insert(0, "0, 0, 0")
+    return [m | z for m, z in zip(masks, zeros, strict=True)], " or ".join(found[:4])
+
+
+def _values(arrays: Items[Array], even: Items[Mask]) -> list[float]:
+    """The values but 0 that are in all three coordinates of a joint, the most frequent ones."""
+    found = [x[..., 0][e & np.isfinite(x[..., 0])] for x, e in zip(arrays, even, strict=True)]
+    values, counts = np.unique(np.concatenate([*found, np.zeros(0)]), return_counts=True)
+    often = values[np.argsort(-counts, kind="stable")][:_VALUES]
+    return [float(v) for v in often if v != 0]
+
+
+def _is_mark(arrays: Items[Array], at: Items[Mask]) -> bool:
+    """Whether places (T, N) of one value are a mark: far from the hand, or again and again."""
+    count = sum(int(a.sum()) for a in at)
+    far = sum(int(_apart(x, a).sum()) for x, a in zip(arrays, at, strict=True))
+    # whole numbers are equal by chance
+    whole = all((x[np.isfinite(x)] % 1 == 0).all() for x in arrays)
+    return 2 * far > min(count, _LOOK) or (count > 1 and not whole)
+
+
+def _apart(joints: Array, at: Mask) -> Mask:
+    """Of joints at one place those that are far from the frame's other joints."""
+    out = np.zeros_like(at)
+    for t in np.flatnonzero(at.any(1))[:_LOOK]:
+        others = joints[t][~at[t] & np.isfinite(joints[t]).all(-1)]
+        out[t] = at[t] & (_radii(others, joints[t][at[t]][0]) > _FAR)
+    return out
+
+
+def _radii(hand: Array, place: Array) -> float:
+    """How many of its radii a place is from a hand's middle; infinite where there is no hand."""
+    if len(hand) < 2 or max(np.abs(hand).max(), np.abs(place).max()) > 1e100:
+        return float("inf")
+    middle = np.median(hand, axis=0)
+    radius = float(np.linalg.norm(hand - middle, axis=-1).max())
+    return float(np.linalg.norm(place - middle)) / radius if radius > 0 else float("inf")
+
+
+def _zeros(joints: Array, missing: Mask) -> Mask:
+    """(T, N) which joints at 0, 0, 0 are marks."""
+    at = (joints == 0).all(-1)
+    if not at.any():
+        return at
+    there = np.isfinite(joints).all(-1) & ~missing
+    some = (there & ~at).any(1)
+    always = np.flatnonzero((at | ~there)[some].all(0) & at[some].any(0))
+    if not len(always) or not some.any():
+        return at
+    frames = np.flatnonzero(some)
+    frames = frames[np.linspace(0, len(frames) - 1, min(_LOOK, len(frames))).astype(np.int64)]
+    distances = [_radii(joints[t][there[t] & ~at[t]], np.zeros(3)) for t in frames]
+    if not np.median(distances) <= _FAR:
+        return at
+    # of several the wrist, which is first or last, is what the others are given relative to
+    n = joints.shape[1]
+    root = next(j for j in (0, n - 1, *always) if j in always)
+    amid = at.copy()
+    amid[some, root] = False
+    return amid
