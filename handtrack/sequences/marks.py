@@ -84,7 +84,7 @@ def _radii(hand: Array, place: Array) -> float:
 
 def _zeros(joints: Array, missing: Mask) -> Mask:
     """(T, N) which joints at 0, 0, 0 are marks."""
-    at = (joints == 0).all(-1)
+    at: Mask = (joints == 0).all(-1)
     if not at.any():
         return at
     there = np.isfinite(joints).all(-1) & ~missing
@@ -100,6 +100,6 @@ def _zeros(joints: Array, missing: Mask) -> Mask:
     # of several the wrist, which is first or last, is what the others are given relative to
     n = joints.shape[1]
     root = next(j for j in (0, n - 1, *always) if j in always)
-    amid = at.copy()
+    amid: Mask = at.copy()
     amid[some, root] = False
     return amid
