@@ -96,7 +96,7 @@ def _places(order: str) -> Picks | None:
 
 
 def _given(raw: Raw, name: str | None) -> Reading | None:
-    n = raw.joints.shape[1]
+    n = int(raw.joints.shape[1])
     if name is None:
         return None
     if name == AXIS_MAJOR:
@@ -105,7 +105,7 @@ def _given(raw: Raw, name: str | None) -> Reading | None:
     if picks is None:
         known = ", ".join((*ORDERS, AXIS_MAJOR))
         raise InputError(f"joint order {name[:40]!r} is unknown, known are {known}", raw.path)
-    expected = ORDER_JOINTS[name] if name in ORDER_JOINTS else n
+    expected: int = ORDER_JOINTS.get(name, n)
     if expected != n or max(picks) >= n:
         raise InputError(
             f"a frame has {n} joints, the order {name} has {max(expected, max(picks) + 1)}"
