@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
+from handtrack.mcap.chunk import Place
 from handtrack.mcap.walk import MAGIC, RECORD, Walk, opened
 
 if TYPE_CHECKING:
@@ -52,14 +53,18 @@ class McapIndex:
         """A walk that knows the channels already, to read chunks anywhere in the file."""
         return Walk(self.path, dict(self.metadata), dict(self.channels), dict(self.schemas))
 
-    def between(self, start: int, end: int) -> list[tuple[int, int]]:
-        """(offset, length) of the chunks with messages of log times start..end, both included."""
+    def between(self, start: int, end: int) -> list[Place]:
+        """The chunks with messages of log times start..end, both included."""
         first, last = self.chunks[:, 0], self.chunks[:, 1]
-        picked = self.chunks[(last >= np.uint64(start)) & (first <= np.uint64(end))]
-        return [(int(offset), int(length)) for _, _, offset, length in picked]
+        picked = (last >= np.uint64(start)) & (first <= np.uint64(end))
+        return [self._place(i) for i in np.flatnonzero(picked).tolist()]
 
-    def at(self, begin: int) -> tuple[int, int]:
-        """(offset, length) of the first chunk at or after a byte.
+    def _place(self, i: int) -> Place:
+        first, last, offset, length = self.chunks[i].tolist()
+        return Place(offset, length, first, last)
+
+    def at(self, begin: int) -> Place:
+        """The first chunk at or after a byte.
 
         Raises:
             ValueError: there is none.
@@ -67,7 +72,7 @@ class McapIndex:
         place = int(np.searchsorted(self.chunks[:, 2], np.uint64(begin)))
         if place == len(self.chunks):
             raise ValueError(f"no chunk after byte {begin}")
-        return int(self.chunks[place, 2]), int(self.chunks[place, 3])
+        return self._place(place)
 
 
 def read_index(path: Path) -> McapIndex | None:
@@ -104,7 +109,7 @@ def _parsed(index: McapIndex, data: bytes, stream: IO[bytes]) -> McapIndex:
     from mcap.records import Channel, Metadata, MetadataIndex, Schema, Statistics
 
     chunks: list[tuple[int, ...]] = []
-    compression, chunk_index = "", int(Opcode.CHUNK_INDEX)
+    compression, chunk_index, count = "", int(Opcode.CHUNK_INDEX), None
     for opcode, at, length in _records(data):
         if opcode == chunk_index:
             *chunk, channels = _CHUNK.unpack_from(data, at)
@@ -124,7 +129,7 @@ def _parsed(index: McapIndex, data: bytes, stream: IO[bytes]) -> McapIndex:
             index.channels[channel.id] = channel
         elif opcode == Opcode.STATISTICS:
             statistics: Statistics = Statistics.read(ReadDataStream(BytesIO(content)))
-            index.counts = dict(statistics.channel_message_counts)
+            index.counts, count = dict(statistics.channel_message_counts), statistics.chunk_count
         elif opcode == Opcode.METADATA_INDEX:
             where = MetadataIndex.read(ReadDataStream(BytesIO(content)))
             stream.seek(where.offset)
@@ -132,7 +137,13 @@ def _parsed(index: McapIndex, data: bytes, stream: IO[bytes]) -> McapIndex:
             found = Metadata.read(ReadDataStream(BytesIO(record)))
             index.metadata[found.name] = found.metadata
             index.begins[found.name] = where.offset + where.length
+    chunks.sort(key=lambda chunk: chunk[2])
     index.chunks = np.array(chunks, np.uint64).reshape(-1, 4)
+    begins, lengths = index.chunks[:, 2], index.chunks[:, 3]
+    ends = np.concatenate([[np.uint64(len(MAGIC))], begins + lengths])
+    in_file = (lengths < index.size).all() and (begins < index.size).all()
+    if count not in (None, len(chunks)) or not in_file or (begins < ends[:-1]).any():
+        raise ValueError("the chunks that it names are not those of the file")
     index.compression = compression or "none"
     return index
 

@@ -1,8 +1,9 @@
 """The records of an MCAP file from its beginning, as far as they are whole.
 
-mcap's own readers need the index at the end of a file and so read nothing of one whose
-writer was killed. This one takes every whole record up to the break, says where it broke, and
-trusts nothing whose checksum differs. Parsing of single records is mcap's.
+mcap has a reader that needs no index too; but where a file breaks it raises an error, and what
+was read is lost with it. This one gives every whole record up to the break, says at which byte
+that is, goes on from there when the file has grown, and trusts nothing whose checksum or size
+differs. Parsing of single records, but for chunks and messages, is mcap's.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, NamedTuple
 
 from handtrack.errors import InputError
+from handtrack.mcap.chunk import Place, open_chunk
 
 if TYPE_CHECKING:
     from mcap.records import Channel, Schema
@@ -24,6 +26,11 @@ if TYPE_CHECKING:
 MAGIC = b"\x89MCAP0\r\n"
 RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
+_TIMES = struct.Struct("<QQ")
+_ENTRIES = struct.Struct("<HI")  # of an index of messages: channel, bytes of entries
+_SKIPPED = (1, 9)  # the header, attachments
+_PRIVATE = 128
+"""Records of such opcodes are for others; of those below all are known."""
 
 
 def opened(path: Path) -> IO[bytes]:
@@ -88,7 +95,7 @@ class Walk:
     def messages(
         self,
         wanted: Callable[[str], bool],
-        places: Iterable[tuple[int, int]] | None = None,
+        places: Iterable[Place] | None = None,
         stream: IO[bytes] | None = None,
     ) -> Iterator[Found]:
         """Messages of the channels whose schema's name is wanted, in the file's order.
@@ -97,7 +104,7 @@ class Walk:
 
         Args:
             wanted: by the schema's name.
-            places: (offset, length) of the chunks to read, by `McapIndex`; all by default.
+            places: of the chunks to read, by `McapIndex`; all by default.
             stream: the file, if it is open already.
 
         Yields:
@@ -113,16 +120,18 @@ class Walk:
             for opcode, content in records:
                 yield from self._record(opcode, content, wanted)
 
-    def _at(
-        self, stream: IO[bytes], places: Iterable[tuple[int, int]]
-    ) -> Iterator[tuple[int, bytes]]:
-        for offset, length in places:
-            self.position = offset
-            stream.seek(offset)
-            record = stream.read(length)
+    def _at(self, stream: IO[bytes], places: Iterable[Place]) -> Iterator[tuple[int, bytes]]:
+        from mcap.opcode import Opcode
+
+        for place in places:
+            self.position = place.offset
+            stream.seek(place.offset)
+            record = stream.read(place.length)
             opcode, size = RECORD.unpack_from(record)
-            if size != len(record) - RECORD.size:
-                raise ValueError("it is not the record that the index names")
+            times = _TIMES.unpack_from(record, RECORD.size)
+            found = (opcode, size + RECORD.size, len(record), *times)
+            if found != (Opcode.CHUNK, place.length, place.length, place.first, place.last):
+                raise ValueError("there is not the chunk that the index names")
             yield opcode, record[RECORD.size :]
 
     @contextmanager
@@ -175,6 +184,9 @@ class Walk:
                     raise ValueError("the checksum of the data differs")
                 self.done, self.cut = True, ""
                 return
+            if opcode == Opcode.MESSAGE and self.chunks:
+                # what has no checksum, after what has one, is a piece of something else
+                raise ValueError("a message is outside of the chunks")
             yield opcode, content
             self._crc = zlib.crc32(content, zlib.crc32(head, self._crc))
             self.position += RECORD.size + length
@@ -185,14 +197,15 @@ class Walk:
     ) -> Iterator[Found]:
         from mcap.data_stream import ReadDataStream
         from mcap.opcode import Opcode
-        from mcap.records import Channel, Chunk, Metadata, Schema
-        from mcap.stream_reader import get_chunk_data_stream
+        from mcap.records import Channel, Metadata, Schema
 
         if opcode == Opcode.CHUNK:
-            chunk = Chunk.read(ReadDataStream(BytesIO(content)))
+            chunk = open_chunk(content)
             self.chunks, self.compression = self.chunks + 1, chunk.compression
-            stream, length = get_chunk_data_stream(chunk, validate_crc=True)
-            yield from self._inside(stream.read(length), wanted)
+            for found in self._inside(chunk.data, wanted):
+                if not chunk.first <= found.time <= chunk.last:
+                    raise ValueError("a message is not of the time that its chunk says")
+                yield found
         elif opcode == Opcode.MESSAGE:
             channel, sequence, time, _ = _MESSAGE.unpack_from(content)
             if wanted(self._schema_of(channel)):
@@ -204,8 +217,13 @@ class Walk:
             record = Channel.read(ReadDataStream(BytesIO(content)))
             self.channels[record.id] = record
         elif opcode == Opcode.METADATA:
-            found = Metadata.read(ReadDataStream(BytesIO(content)))
-            self.metadata[found.name] = found.metadata
+            metadata = Metadata.read(ReadDataStream(BytesIO(content)))
+            self.metadata[metadata.name] = metadata.metadata
+        elif opcode == Opcode.MESSAGE_INDEX:
+            if _ENTRIES.unpack_from(content)[1] != len(content) - _ENTRIES.size:
+                raise ValueError("an index of messages is not as long as it says")
+        elif opcode < _PRIVATE and opcode not in _SKIPPED:
+            raise ValueError(f"a record of kind {opcode} does not belong there")
 
     def _inside(self, data: bytes, wanted: Callable[[str], bool]) -> Iterator[Found]:
         """Messages in the records of a chunk."""

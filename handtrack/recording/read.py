@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO
 
 import numpy as np
 
-from handtrack.errors import InputError
+from handtrack.errors import InputError, shown
+from handtrack.mcap.chunk import Place
 from handtrack.mcap.index import McapIndex, read_index
 from handtrack.mcap.walk import MAGIC, Found, Walk, opened
 from handtrack.recording.hand_reader import OURS, VERSIONS, HandReader
@@ -55,14 +57,32 @@ def _indexed(index: McapIndex, first: int, last: int) -> list[Track]:
     walk = index.walk()
     hands = Hands(walk, first=None)
     hands.check()
-    offset = int(index.metadata[METADATA].get("time_offset_ns", "0"))
+    offset = _time_offset(index)
     times = max(first - offset, 0), min(max(last - offset, -1), 2**64 - 1)
     models = [begin for name, begin in index.begins.items() if name.startswith(f"{METADATA}/")]
-    places = sorted({index.at(begin) for begin in models})
+    with walk.telling("its index is damaged"):
+        places = sorted({index.at(begin) for begin in models})
     hands.read(places, schemas=OURS[:1])
     wanted = index.between(*times) if times[0] <= times[1] else []
     hands.read(wanted, schemas=OURS[1:], times=times)
     return [hands.take(hand, wanted) for hand in hands.all]
+
+
+def _time_offset(index: McapIndex) -> int:
+    """What was taken from the times of the recording, so that none is negative [ns].
+
+    Raises:
+        InputError: the file does not say so.
+    """
+    text = index.metadata[METADATA].get("time_offset_ns", "0")
+    # a few digits more than any time has: int() is slow with many
+    if not re.fullmatch(r"0|-[0-9]{1,19}", text) or int(text) < _INT64.min:
+        raise InputError(
+            f"metadata time_offset_ns is {shown(repr(text))}, expected a whole number of nanoseconds"
+            " that is not positive",
+            index.path,
+        )
+    return int(text)
 
 
 def follow_tracks(path: Path, poll_s: float, timeout_s: float) -> Iterator[Track]:
@@ -89,6 +109,11 @@ def follow_tracks(path: Path, poll_s: float, timeout_s: float) -> Iterator[Track
         hands.check()
 
 
+def listed(topics: Iterable[str]) -> str:
+    """Names of a file's topics for a message."""
+    return shown(", ".join(sorted(topics)) or "no topics")
+
+
 class Hands:
     """The hands in the messages of a file, as they are met."""
 
@@ -103,7 +128,7 @@ class Hands:
 
     def read(
         self,
-        places: list[tuple[int, int]] | None = None,
+        places: list[Place] | None = None,
         schemas: tuple[str, ...] = OURS,
         times: tuple[int, int] = (0, 2**64 - 1),
         stream: IO[bytes] | None = None,
@@ -143,8 +168,8 @@ class Hands:
         """
         walk = self._walk
         if METADATA not in walk.metadata and not self._hands:
-            topics = ", ".join(sorted(c.topic for c in walk.channels.values())) or "no topics"
             about = f"; {walk.cut}" if walk.cut else ""
+            topics = listed(c.topic for c in walk.channels.values())
             raise InputError(f"not a recording of handtrack, it has {topics}{about}", walk.path)
         if METADATA not in walk.metadata:
             raise InputError(f"the metadata record {METADATA!r} is missing", walk.path)
@@ -152,10 +177,12 @@ class Hands:
         known = [str(number) for number in VERSIONS]
         if version not in known:
             raise InputError(
-                f"format version {version}, this handtrack reads {' and '.join(known)}", walk.path
+                f"format version {shown(version)}, this handtrack reads"
+                f" {' and '.join(known)}",
+                walk.path,
             )
 
-    def take(self, hand: HandReader, places: list[tuple[int, int]] | None = None) -> Track:
+    def take(self, hand: HandReader, places: list[Place] | None = None) -> Track:
         """What came of a hand since the last time, with the skin that the file holds.
 
         Args:

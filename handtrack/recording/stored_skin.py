@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
+from handtrack.mcap.chunk import Place
 from handtrack.mcap.index import read_index
 from handtrack.mcap.schema import message_class
 from handtrack.mcap.walk import Walk
@@ -24,7 +25,7 @@ class StoredSkin:
         frames: numbers of the first frame and of the one after the last.
         n_vertices: of the skin.
         faces: (F, 3) triangles.
-        places: (offset, length) of the chunks to look in; everywhere if left out.
+        places: of the chunks to look in; everywhere if left out.
     """
 
     def __init__(
@@ -34,7 +35,7 @@ class StoredSkin:
         frames: tuple[int, int],
         n_vertices: int,
         faces: NDArray[np.int32],
-        places: Sequence[tuple[int, int]] | None = None,
+        places: Sequence[Place] | None = None,
     ) -> None:
         self._path, self._topic, self._frames, self._places = path, topic, frames, places
         self.n_vertices, self.faces = n_vertices, faces
