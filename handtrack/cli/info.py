@@ -10,6 +10,7 @@ import click
 
 from handtrack.cli.inputs import recordings
 from handtrack.cli.options import json_option
+from handtrack.errors import shown
 
 
 @click.command(short_help="What recordings hold.")
@@ -40,14 +41,16 @@ def info(files: tuple[Path, ...], follow: bool, as_json: bool) -> None:
 
 def _print(about: dict[str, Any]) -> None:
     chunks = f"{about['chunks']:,} chunks of {about['compression']}"
+    version = shown(about["version"])
     click.echo(
         f"{about['path']}: {_bytes(about['size'])}, {chunks}, format {about['format_version']},"
-        f" handtrack {about['version']}"
+        f" handtrack {version}"
     )
     if not about["complete"]:
         click.echo(f"  not complete: {about['note']}")
     for topic, hand in about["hands"].items():
-        click.echo(f"  {topic}: {hand['name']}, {hand['hand']} hand, model {hand['model']}")
+        name, model = shown(hand["name"]), shown(hand["model"])
+        click.echo(f"  {shown(topic)}: {name}, {hand['hand']} hand, model {model}")
         seconds = (hand["last_ns"] - hand["first_ns"]) * 1e-9 if hand["frames"] else 0.0
         rate = f", {hand['fps']:.2f} frames/s" if hand["fps"] else ""
         click.echo(f"    {hand['frames']:,} frames, {seconds:.2f} s{rate}")
@@ -56,22 +59,32 @@ def _print(about: dict[str, Any]) -> None:
             f"    {', '.join(counts)}; {hand['events']:,} events, {hand['warnings']} warnings"
         )
         for against, error in hand["error_mm"].items():
-            numbers = ", ".join(f"{name} {value:.2f}" for name, value in error.items())
-            click.echo(f"    error to the {against} joints, mm: {numbers}")
-        settings = ", ".join(f"{name} {_short(value)}" for name, value in hand["settings"].items())
+            numbers = ", ".join(
+                f"{name} {'beyond all numbers' if value is None else f'{value:.2f}'}"
+                for name, value in error.items()
+            )
+            click.echo(f"    error to the {shown(against)} joints, mm: {numbers}")
+        settings = ", ".join(
+            f"{shown(name)} {_short(value)}" for name, value in hand["settings"].items()
+        )
         click.echo(f"    settings: {settings}")
-    width = max(map(len, about["topics"]), default=0)
+    width = max((len(shown(topic)) for topic in about["topics"]), default=0)
     for topic, of in sorted(about["topics"].items(), key=lambda item: -(item[1]["bytes"] or 0)):
         size = "" if of["bytes"] is None else _bytes(of["bytes"])
-        click.echo(f"  {topic:{width}}  {of['messages']:>9,}  {size:>9}  {of['schema']}")
+        schema = shown(of["schema"])
+        click.echo(f"  {shown(topic):{width}}  {of['messages']:>9,}  {size:>9}  {schema}")
 
 
-def _short(value: Any) -> str:
-    if isinstance(value, dict):
-        return f"({', '.join(f'{k} {_short(v)}' for k, v in value.items())})"
-    if isinstance(value, list) and len(value) > 6:
+def _short(value: Any, depth: int = 3) -> str:
+    if isinstance(value, dict | list) and (not depth or len(value) > 20):
         return f"({len(value)} of them)"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    if isinstance(value, dict):
+        return f"({', '.join(f'{shown(k)} {_short(v, depth - 1)}' for k, v in value.items())})"
+    if isinstance(value, list):
+        if len(value) > 6:
+            return f"({len(value)} of them)"
+        return f"[{', '.join(_short(v, depth - 1) for v in value)}]"
+    return f"{value:.6g}" if isinstance(value, float) else shown(str(value))
 
 
 def _bytes(size: float) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.errors import HandtrackError, InputError
+from handtrack.errors import HandtrackError, InputError, shown
 from handtrack.hand.limits import Limits
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES, N_PARTS
@@ -74,7 +74,9 @@ class HandReader:
         if schema == "handtrack.Hand":
             self._hand = message
         elif schema == "handtrack.Event":
-            self._events[sequence] = Event(message.time_ns, message.level, message.text)
+            event = Event(message.time_ns, message.level, message.text)
+            if self._events.setdefault(sequence, event) != event:
+                raise self._wrong(f"{self.topic}: there are two events {sequence}")
         else:
             if self.first is None:
                 self.first = self.frames = sequence
@@ -138,8 +140,12 @@ class HandReader:
         try:
             settings = json.loads(hand.settings)
             self._model = self._model or _model(hand.model)
-        except (ValueError, HandtrackError) as error:
-            raise InputError(f"{topic}/model: {error}", path) from error
+        except (ValueError, RecursionError, HandtrackError) as error:
+            raise InputError(f"{shown(topic)}/model: {error}", path) from error
+        if hand.hand != self._model.hand:
+            raise self._wrong(
+                f"{topic}/model: a {shown(hand.hand)} hand with a {self._model.hand} hand's model"
+            )
         if any(len(array) != self.here for array in arrays.values()):
             raise self._wrong(f"{topic}: only some frames have a truth")
         if not isinstance(settings, dict):

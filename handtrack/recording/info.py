@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
-from handtrack.errors import InputError
+import msgspec
+
+from handtrack.errors import InputError, shown
 from handtrack.mcap.index import McapIndex, read_index
 from handtrack.mcap.walk import Walk
 from handtrack.recording.summary import SUMMARY, HandSummary, read_summary
@@ -34,15 +37,21 @@ def info(path: str | Path) -> dict[str, Any]:
     index = read_index(path)
     if index is not None:
         if METADATA not in index.metadata:
-            topics = ", ".join(sorted(c.topic for c in index.channels.values())) or "no topics"
+            from handtrack.recording.read import listed
+
+            topics = listed(c.topic for c in index.channels.values())
             raise InputError(f"not a recording of handtrack, it has {topics}", path)
         if SUMMARY in index.metadata:
-            with Walk(path).telling("its summary is damaged"):
+            try:
                 return _of_index(index, read_summary(index.metadata))
+            except ValueError as error:
+                told = f"{path}: its summary cannot be used, so all of it is read: {shown(error)}"
+                warnings.warn(told, stacklevel=2)
     return _of_messages(path, index is not None)
 
 
 def _of_index(index: McapIndex, summary: dict[str, Any]) -> dict[str, Any]:
+    """Raises ValueError where index and summary do not go together."""
     topics = {
         channel.topic: {
             "schema": index.schemas.get(channel.schema_id, ""),
@@ -52,8 +61,11 @@ def _of_index(index: McapIndex, summary: dict[str, Any]) -> dict[str, Any]:
         for number, channel in index.channels.items()
     }
     hands = {}
+    counts = {channel.topic: index.counts.get(n, 0) for n, channel in index.channels.items()}
     for topic, values in summary["hands"].items():
         record = index.metadata.get(f"{METADATA}/{topic}", {})
+        if values["frames"] != counts.get(f"/{topic}/state", 0):
+            raise ValueError(f"{shown(topic)} has {values['frames']} frames, its messages differ")
         hands[topic] = _hand(values, record)
     return _about(index.path, index.metadata[METADATA]) | {
         "complete": True,
@@ -115,6 +127,9 @@ def _about(path: Path, head: dict[str, str]) -> dict[str, Any]:
 
 
 def _hand(values: dict[str, Any], record: dict[str, str]) -> dict[str, Any]:
-    settings = json.loads(record.get("settings", "{}"))
+    try:
+        settings = msgspec.json.decode(record.get("settings", "{}"), type=dict[str, Any])
+    except (msgspec.MsgspecError, RecursionError) as error:
+        raise ValueError(f"the settings of {shown(values['name'])}: {error}") from error
     own = {"limits": record.get("limits", ""), "version": record.get("version", "")}
     return values | own | {"settings": settings}

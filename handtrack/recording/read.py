@@ -78,8 +78,8 @@ def _time_offset(index: McapIndex) -> int:
     # a few digits more than any time has: int() is slow with many
     if not re.fullmatch(r"0|-[0-9]{1,19}", text) or int(text) < _INT64.min:
         raise InputError(
-            f"metadata time_offset_ns is {shown(repr(text))}, expected a whole number of nanoseconds"
-            " that is not positive",
+            f"metadata time_offset_ns is {shown(repr(text))}, expected a whole number of"
+            " nanoseconds that is not positive",
             index.path,
         )
     return int(text)
@@ -177,8 +177,7 @@ class Hands:
         known = [str(number) for number in VERSIONS]
         if version not in known:
             raise InputError(
-                f"format version {shown(version)}, this handtrack reads"
-                f" {' and '.join(known)}",
+                f"format version {shown(version)}, this handtrack reads {' and '.join(known)}",
                 walk.path,
             )
 

@@ -5,16 +5,66 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.errors import shown
+from handtrack.hand.skeleton import Hand
 from handtrack.tracking.track import STATUSES, Track
 
 SUMMARY = "handtrack.summary"
 
 _PER_DECADE = 400
+
+_Count = Annotated[int, msgspec.Meta(ge=0)]
+_Length = Annotated[float, msgspec.Meta(ge=0)] | None
+
+
+class _Errors(msgspec.Struct):
+    """How far joints are from those fitted [mm]."""
+
+    mean: _Length
+    median: _Length
+    p95: _Length
+    max: _Length
+
+
+class _Hand(msgspec.Struct):
+    """What `HandSummary.values` gives."""
+
+    name: str
+    hand: Hand
+    model: str
+    frames: _Count
+    fitted: _Count
+    predicted: _Count
+    lost: _Count
+    events: _Count
+    warnings: _Count
+    first_ns: int | None
+    last_ns: int | None
+    fps: _Length
+    error_mm: dict[str, _Errors]
+
+    def __post_init__(self) -> None:
+        if self.frames != self.fitted + self.predicted + self.lost:
+            raise ValueError("the frames are not those fitted, predicted and lost")
+        first, last = self.first_ns, self.last_ns
+        if (first is None or last is None) if self.frames else (first, last) != (None, None):
+            raise ValueError(f"{self.frames} frames, from {first} ns to {last} ns")
+        if first is not None and last is not None and not -(2**63) <= first <= last < 2**63:
+            raise ValueError(f"frames from {first} ns to {last} ns")
+
+
+class _Summary(msgspec.Struct):
+    """What `summary_record` writes as JSON."""
+
+    hands: dict[str, _Hand]
+    bytes: dict[str, _Count]
+    metadata: dict[str, str]
 
 
 class Spread:
@@ -127,7 +177,12 @@ def _millimetres(spread: Spread) -> dict[str, float | None]:
         "p95": spread.quantile(0.95),
         "max": spread.maximum,
     }
-    return {name: None if value is None else value * 1e3 for name, value in values.items()}
+    return {name: _scaled(value) for name, value in values.items()}
+
+
+def _scaled(metres: float | None) -> float | None:
+    """In millimetres; None where that is beyond all numbers."""
+    return None if metres is None or not np.isfinite(metres * 1e3) else metres * 1e3
 
 
 def summary_record(
@@ -149,16 +204,20 @@ def read_summary(metadata: Mapping[str, Mapping[str, str]]) -> dict[str, Any]:
     """What `summary_record` made, from all metadata records of a file.
 
     Raises:
-        ValueError: a record is damaged.
+        ValueError: a record is damaged, or says what cannot be.
     """
     text = metadata[SUMMARY].get("json", "")
     if _checksum({"json": text}) != metadata[SUMMARY].get("crc32"):
         raise ValueError(f"the checksum of the metadata record {SUMMARY!r} differs")
-    values: dict[str, Any] = json.loads(text)
+    try:
+        summary = msgspec.json.decode(text, type=_Summary)
+    except (msgspec.MsgspecError, RecursionError) as error:
+        raise ValueError(f"the metadata record {SUMMARY!r}: {error}") from error
     others = {name: values for name, values in metadata.items() if name != SUMMARY}
-    for name in {*others, *values["metadata"]}:
-        if name not in others or _checksum(others[name]) != values["metadata"].get(name):
-            raise ValueError(f"the checksum of the metadata record {name!r} differs")
+    for name in {*others, *summary.metadata}:
+        if name not in others or _checksum(others[name]) != summary.metadata.get(name):
+            raise ValueError(f"the checksum of the metadata record {shown(name)!r} differs")
+    values: dict[str, Any] = msgspec.to_builtins(summary)
     return values
 
 

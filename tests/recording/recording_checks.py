@@ -82,12 +82,14 @@ def decoder(schema: Any) -> Any:
     return GetMessageClass(pool.FindMessageTypeByName(schema.name))
 
 
-def read_or_error(path: Path) -> list[Track] | str:
+def read_or_error(
+    path: Path, start_ns: int | None = None, end_ns: int | None = None
+) -> list[Track] | str:
     """What reading gives: tracks, or the text of the one error that is allowed."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
-            return read_mcap(path)
+            return read_mcap(path, start_ns=start_ns, end_ns=end_ns)
     except InputError as error:
         return str(error)
 

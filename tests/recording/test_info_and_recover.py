@@ -81,8 +81,8 @@ def test_info_reads_only_the_end(recording: Path, tmp_path: Path) -> None:
     assert index is not None
     data = bytearray(recording.read_bytes())
     expected = info(recording)
-    for offset, length in index.between(0, 2**64 - 1):
-        data[offset : offset + length] = bytes(length)
+    for place in index.between(0, 2**64 - 1):
+        data[place.offset : place.offset + place.length] = bytes(place.length)
     path = tmp_path / "x.mcap"
     path.write_bytes(data)
     assert info(path) | {"path": ""} == expected | {"path": ""}
