@@ -49,7 +49,10 @@ def hands(frames: int = 24) -> list[Track]:
     for side, n in (("right", frames), ("left", frames * 2 // 3)):
         model = HandModel.default(side)  # type: ignore[arg-type]
         model = dataclasses.replace(
-            model, rest_vertices=np.empty((0, 3)), faces=np.empty((0, 3)), weights=np.empty((0, 16))
+            model,
+            rest_vertices=np.empty((0, 3)),
+            faces=np.empty((0, 3), np.int32),
+            weights=np.empty((0, 16)),
         )
         rng = np.random.default_rng(n)
         angles = model.limits.clamp(rng.normal(0.3, 0.2, (n, 20)))
@@ -114,8 +117,10 @@ class Study:
         with _small_chunks():
             write_mcap(hands(), whole, mesh=False, compression=compression)
         self.data = whole.read_bytes()
-        self.tracks = {track.hand: track for track in read_mcap(whole)}
-        self.spans = [{t.hand: t for t in read_part(whole, None, *span)} for span in SPANS]
+        self.tracks: dict[str, Track] = {track.hand: track for track in read_mcap(whole)}
+        self.spans: list[dict[str, Track]] = [
+            {t.hand: t for t in read_part(whole, None, *span)} for span in SPANS
+        ]
         self.about = _about(info(whole))
         self.end = self.data.rindex(bytes([15, 4, 0, 0, 0, 0, 0, 0, 0]))
         self.path, self.clean = folder / "damaged.mcap", folder / "clean.mcap"
