@@ -32,6 +32,7 @@ class Reading(NamedTuple):
     mano: Path | None = None
     mano_tips: str = "smplx"
     time_unit: str | None = None
+    max_size: str | None = None
 
     def load(
         self, path: Path, quiet: bool = False, found: Detections | None = None
@@ -60,6 +61,7 @@ class Reading(NamedTuple):
                 mano=self.mano,
                 mano_tips=self.mano_tips,
                 time_unit=self.time_unit,
+                max_size=self.max_size,
             )
         for sequence in sequences if not quiet else ():
             for note in sequence.notes:
@@ -130,6 +132,11 @@ def reading_options(command: _Command) -> _Command:
         ),
         click.option(
             "--format", metavar="NAME", help="Format of the file, where it could be another's."
+        ),
+        click.option(
+            "--max-size",
+            metavar="SIZE",
+            help="Read, and unpack, files up to that size, such as 16GB.  [default: 4GB]",
         ),
         click.option("--frames", metavar="A:B", help="Only source frames A to B, both included."),
     ):

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Protocol
+from typing import IO, Protocol
 
 from handtrack.errors import InputError, SettingsError, shown
 
@@ -114,36 +114,61 @@ def unpacked(stream: Stream, path: str | Path, packed: int, what: str = "") -> b
     return bytes(found)
 
 
-def read(path: Path, limit: int | None = None, offset: int = 0) -> bytes:
+@contextmanager
+def opened(path: Path) -> Iterator[IO[bytes]]:
+    """A file to read, which must be one.
+
+    Raises:
+        InputError: it is not there, cannot be read, or is a pipe or a device.
+    """
+    try:
+        with open(path, "rb", opener=_not_waiting) as file:
+            check_kind(os.fstat(file.fileno()).st_mode, path)
+            yield file
+    except FileNotFoundError as error:
+        raise InputError("no such file", path) from error
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", path) from error
+
+
+def read(path: Path, limit: int | None = None) -> bytes:
     """The bytes of a file, which must be one.
 
     Args:
         path: it.
         limit: bytes that are read at most, `allowed()` by default.
-        offset: where to begin.
 
     Raises:
-        InputError: it is not there, cannot be read, is a pipe or a device, or is too large.
+        InputError: as `opened`, or it is too large.
     """
-    try:
-        with open(path, "rb", opener=_opened) as file:
-            status = os.fstat(file.fileno())
-            check_kind(status.st_mode, path)
-            most = allowed() if limit is None else limit
-            if status.st_size > most:
-                _too_large(status.st_size, most, limit is None, path)
-            if offset:
-                file.seek(offset)
-            data: bytes = file.read(most + 1)
-            if len(data) > most:
-                _too_large(len(data), most, limit is None, path)
-            return data
-    except FileNotFoundError as error:
-        raise InputError("no such file", path) from error
-    except (OSError, ValueError) as error:
-        if isinstance(error, ValueError):  # a zero in the name
-            raise InputError("no such file", path) from error
-        raise InputError(f"cannot be read: {error.strerror or error}", path) from error
+    with opened(path) as file:
+        return rest(file, path, limit=limit)
+
+
+def rest(file: IO[bytes], path: Path, head: bytes = b"", limit: int | None = None) -> bytes:
+    """The bytes of an open file.
+
+    Args:
+        file: it.
+        path: its name.
+        head: what was read of it already.
+        limit: as in `read`.
+
+    Raises:
+        InputError: it is too large.
+    """
+    most = allowed() if limit is None else limit
+    cure = ": --max-size raises it" if limit is None else ""
+    size = os.fstat(file.fileno()).st_size
+    data = head
+    if size <= most:
+        data += file.read(max(size - len(head), 0))
+        while len(data) <= most and (piece := file.read(_PIECE)):  # a pipe, or it grows
+            data += piece
+        size = len(data)
+    if size > most:
+        raise InputError(f"has {_written(size)}, more than the {_written(most)} read{cure}", path)
+    return data
 
 
 def check_kind(mode: int, path: Path) -> None:
@@ -168,19 +193,12 @@ def check_kind(mode: int, path: Path) -> None:
 _HANDED_OVER = (("/", "dev"), ("/", "proc"))
 
 
-def _opened(name: str, flags: int) -> int:
+def _not_waiting(name: str, flags: int) -> int:
     """Opening a named pipe waits for somebody who writes to it, unless told not to."""
     descriptor = os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
     if hasattr(os, "set_blocking"):
         os.set_blocking(descriptor, True)
     return descriptor
-
-
-def _too_large(size: int, most: int, may_be_raised: bool, path: Path) -> None:
-    cure = ": --max-size raises it" if may_be_raised else ""
-    raise InputError(
-        f"has {_written(size)}, more than the {_written(most)} that are read{cure}", path
-    )
 
 
 def _written(size: int) -> str:

@@ -9,6 +9,7 @@ from os import PathLike, sep
 from pathlib import Path
 
 from handtrack.errors import InputError, SettingsError
+from handtrack.files import budget
 from handtrack.sequences.assemble import (
     Given,
     anything_seen,
@@ -38,6 +39,7 @@ def load(
     mano_tips: str = "smplx",
     time_unit: str | None = None,
     mirror: str | None = None,
+    max_size: str | int | None = None,
 ) -> list[Sequence]:
     """Joint sequences from a file or a folder; the format is recognised by content.
 
@@ -70,6 +72,8 @@ def load(
         time_unit: "s", "ms", "us" or "ns", instead of what the source says or its times suggest.
         mirror: "x", "y" or "z": the axis whose sign is changed, for sources whose world is
             left-handed (Unity, Unreal); hands keep their names.
+        max_size: bytes of one file that are read, and that an archive may unpack to: a number,
+            or as in "16GB"; by default 4 GB, and less of what unpacks to many times its size.
 
     Returns:
         At least one sequence, in order of path, person and hand, with different names.
@@ -85,16 +89,24 @@ def load(
     choice = _hand_choice(hand)
     _check_frames(frames)
     check_format(format)
-    if not where.exists():
+    if not _is_there(where):
         raise InputError("no such file or folder", where)
 
     def made(raws: list[Raw]) -> list[Sequence]:
         ready = [decoded(r, None if mano is None else Path(mano), mano_tips, choice) for r in raws]
         return _finish(ready, given, choice, frames)
 
-    if where.is_dir():
-        return _from_folder(where, lambda source: made(source.read(frames, format)))
-    return _unique_names(made(read_file(where, frames, format)))
+    with budget.limited(max_size):
+        if where.is_dir():
+            return _from_folder(where, lambda source: made(source.read(frames, format)))
+        return _unique_names(made(read_file(where, frames, format)))
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):  # a name that no file can have
+        return False
 
 
 def _hand_choice(hand: str | None) -> HandChoice:

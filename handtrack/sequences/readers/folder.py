@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 from handtrack.errors import InputError
+from handtrack.files import budget
 from handtrack.sequences.readers import dexycb, panoptic, pickled
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.raw import Raw
@@ -58,11 +59,27 @@ class Source:
 
 def sources(folder: Path) -> Iterator[Source]:
     """Every source in a folder and the folders in it, sorted by path; hidden ones are skipped."""
-    for directory, below, names in os.walk(folder):
-        below[:] = sorted(d for d in below if not d.startswith("."))
-        here = Path(directory)
+    for here, names in _folders(folder):
         for group in _groups(sorted(n for n in names if _may_be_data(n)), here):
             yield Source(here, tuple(group))
+
+
+def _folders(folder: Path) -> Iterator[tuple[Path, list[str]]]:
+    """Folders with the names of what is in them that is no folder; links to folders are not
+    followed, as they may lead back."""
+    waiting = [folder]
+    while waiting:
+        here = waiting.pop()
+        try:
+            with os.scandir(here) as entries:
+                inside = sorted(
+                    (e.name, e.is_dir(follow_symlinks=False), e.is_dir()) for e in entries
+                )
+        except OSError as error:
+            raise InputError(f"cannot be read: {error.strerror or error}", here) from error
+        below = [name for name, is_folder, _ in inside if is_folder and not name.startswith(".")]
+        waiting += [here / name for name in reversed(below)]
+        yield here, [name for name, _, leads_to_one in inside if not leads_to_one]
 
 
 def _may_be_data(name: str) -> bool:
@@ -98,6 +115,6 @@ def _groups(names: list[str], here: Path) -> Iterator[list[str]]:
 def _holds_people(path: Path) -> bool:
     """Whether it is a Panoptic frame under another name."""
     try:
-        return "people" in decode(path.read_bytes(), dict[str, msgspec.Raw], path)
-    except (InputError, OSError):
+        return "people" in decode(budget.read(path), dict[str, msgspec.Raw], path)
+    except InputError:
         return False  # read by itself it will say what is wrong

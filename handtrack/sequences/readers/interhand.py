@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from handtrack.errors import InputError
+from handtrack.errors import InputError, shown
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.raw import NotJointsError, Raw
@@ -53,11 +53,15 @@ def read_interhand(data: bytes, path: Path) -> list[Raw]:
     captures: _Captures = (
         decode(data, _Annotated, path).annotations if assembly else decode(data, _Captures, path)
     )
+    # of a name that is there twice JSON's readers keep the last
+    there, kept = data.count(_MARK), sum(map(len, captures.values()))
+    if there > kept:
+        raise InputError(f"{there - kept} frame(s) are there twice, by the same number", path)
     found = []
     for capture, frames in captures.items():
         if not frames:
             continue
-        name = capture if assembly else f"capture{capture}"
+        name = shown(capture if assembly else f"capture{capture}", 80)
         found += _hands(name, frames, path)
     if not found:
         raise NotJointsError("no frame in it", path)
@@ -65,7 +69,13 @@ def read_interhand(data: bytes, path: Path) -> list[Raw]:
 
 
 def _hands(name: str, frames: dict[str, _Frame], path: Path) -> list[Raw]:
-    numbered = sorted((_number(key, name, path), frame) for key, frame in frames.items())
+    named: dict[int, _Frame] = {}
+    for key, frame in frames.items():
+        number = _number(key, name, path)
+        if number in named:
+            raise InputError(f"{name}: frame {number} is there twice", path)
+        named[number] = frame
+    numbered = sorted(named.items(), key=lambda item: item[0])
     numbers = np.array([n for n, _ in numbered], dtype=np.int64)
     joints = np.empty((len(numbered), 2 * N_JOINTS, 3))
     for row, (number, frame) in zip(joints, numbered, strict=True):
@@ -94,14 +104,14 @@ def _hands(name: str, frames: dict[str, _Frame], path: Path) -> list[Raw]:
 
 def _number(key: str, name: str, path: Path) -> int:
     if not (key.isascii() and key.isdigit() and len(key) <= 18):
-        raise InputError(f"{name}: frame {key[:40]!r} is no number", path)
+        raise InputError(f"{name}: frame {shown(key, 40)} is no number", path)
     return int(key)
 
 
 def _valid(given: list[Any], where: str, path: Path) -> Any:
     try:
         valid = np.array(given, dtype=np.float64).reshape(-1)
-    except ValueError:
+    except (ValueError, TypeError):
         raise InputError(f"{where}: joint_valid is ragged, expected 42 numbers", path) from None
     if len(valid) != 2 * N_JOINTS:
         raise InputError(f"{where}: joint_valid has {len(valid)} numbers, expected 42", path)

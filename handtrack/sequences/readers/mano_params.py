@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from handtrack.errors import InputError
-from handtrack.hand.skeleton import HANDS, Hand
+from handtrack.errors import InputError, shown
+from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
 from handtrack.sequences.readers.fields import from_fields
 from handtrack.sequences.readers.jsontext import decode as decode_json
 from handtrack.sequences.readers.raw import Array, NotJointsError, Raw
@@ -29,6 +29,8 @@ from handtrack.sequences.readers.raw import Array, NotJointsError, Raw
 _POSES, _ORIENTS, _HANDS = ("poses", "pose"), ("global_orient",), ("hand_pose",)
 _BETAS, _MOVES = ("betas", "shape"), ("transl", "trans")
 _FREIHAND = 61
+_BLOCK = 1000
+"""Frames whose vertices are in memory at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,11 +77,15 @@ def from_named(fields: Mapping[str, Any], path: Path) -> list[Raw]:
         orient = _vectors(fields["global_orient"], path, "global_orient", 1)
         hand = _vectors(fields["hand_pose"], path, "hand_pose", 15)
     n = len(hand)
+    if n == 0:
+        raise InputError("poses of no frame", path)
     if len(orient) != n or orient.shape[1] != 3:
         raise InputError(f"{len(orient)} global orientations for {n} poses", path)
     components = hand.shape[1] < 45
     said = fields.get("flat_hand_mean")
-    flat = not components if said is None else bool(said)
+    if said is not None and np.size(said) != 1:
+        raise InputError("flat_hand_mean must be true or false", path)
+    flat = not components if said is None else bool(np.ravel(said)[0])
     betas, move = _first(fields, _BETAS), _first(fields, _MOVES)
     values = ManoValues(
         orient,
@@ -107,7 +113,10 @@ def read_freihand_mano(data: bytes, path: Path) -> list[Raw]:
     Raises:
         InputError: not a list of 61 numbers each.
     """
-    rows = np.array(decode_json(data, list[list[list[float]]], path), dtype=np.float64)
+    listed = decode_json(data, list[list[list[float]]], path)
+    if any(len(row) != 1 or len(row[0]) != _FREIHAND for row in listed):
+        raise InputError(f"holds a frame of another shape than (1, {_FREIHAND})", path)
+    rows = np.array(listed, dtype=np.float64)
     if rows.ndim != 3 or rows.shape[1:] != (1, _FREIHAND):
         raise InputError(f"holds numbers of shape {rows.shape}, expected (frames, 1, 61)", path)
     rows = rows[:, 0]
@@ -151,12 +160,25 @@ def decoded(raw: Raw, mano: Path | None, tips: str, hand: str) -> Raw:
     elif not values.flat:
         pose = pose + model.hands_mean
     both = np.concatenate([values.orient, pose], 1)
+    joints = np.empty((len(both), N_JOINTS, 3))
     try:
-        joints, _ = decode(model, both, values.betas, values.transl)
+        betas = _each(values.betas, len(both), "betas")
+        move = _each(values.transl, len(both), "transl")
+        for start in range(0, len(both), _BLOCK):  # each with its vertices
+            part = slice(start, start + _BLOCK)
+            joints[part] = decode(model, both[part], betas[part], move[part])[0]
     except (InputError, ValueError) as error:
-        raise InputError(f"MANO parameters: {error}", raw.path) from None
+        raise InputError(f"MANO parameters: {shown(str(error))}", raw.path) from None
     raw.joints, raw.unit, raw.order, raw.hand = joints, "m", "handtrack", side
     return raw
+
+
+def _each(values: Array, n: int, name: str) -> Array:
+    """Values of each of n frames, which may be the same ones for all."""
+    rows = np.atleast_2d(values)
+    if len(rows) not in (1, n) or rows.ndim != 2:
+        raise InputError(f"{name} have shape {values.shape} for {n} frames")
+    return np.broadcast_to(rows, (n, rows.shape[1]))
 
 
 def _first(fields: Mapping[str, Any], names: tuple[str, ...]) -> Any:
@@ -173,7 +195,11 @@ def _numbers(value: Any, path: Path, what: str) -> Array:
 def _vectors(value: Any, path: Path, what: str, joints: int) -> Array:
     """(T, 3 joints) rotation vectors from vectors or matrices, or (T, n) components as they are."""
     array = _numbers(value, path, what)
+    if array.size == 0:
+        raise InputError(f"{what} is empty", path)
     if array.shape[-2:] == (3, 3) and array.ndim >= 3:
+        if array.size % (9 * joints):
+            raise InputError(f"{what} has shape {array.shape}, no {joints} matrices a frame", path)
         from handtrack.hand.rotations import matrix_to_vector
 
         return np.asarray(matrix_to_vector(array.reshape(-1, joints, 3, 3)).reshape(-1, 3 * joints))

@@ -7,11 +7,7 @@ as in the Panoptic toolbox.
 
 from __future__ import annotations
 
-import io
-import lzma
 import re
-import tarfile
-import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +16,7 @@ import msgspec
 import numpy as np
 
 from handtrack.errors import InputError
+from handtrack.files import budget
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.raw import Array, NoFramesError, NotJointsError, Raw, stem
@@ -27,6 +24,8 @@ from handtrack.sequences.readers.raw import Array, NoFramesError, NotJointsError
 FPS = 30000 / 1001
 """Frames per second of the HD cameras (29.97)."""
 FILE_NAME = re.compile(r"handRecon3D_hd(\d{1,18})\.json")
+FRAME = 16 * budget.MB
+"""Bytes of one frame."""
 _NUMBERED = re.compile(r"(.*?)(\d{1,18})\.json")
 Frames = tuple[int, int] | None
 
@@ -78,7 +77,7 @@ def read_file(data: bytes, path: Path) -> list[Raw]:
         InputError: malformed, or a field that does not fit.
     """
     number = frame_number(path.name)
-    return _collect([(0 if number is None else number, path, data)], path, stem(path))
+    return collect([(0 if number is None else number, path, data)], path, stem(path))
 
 
 def read_files(paths: Iterable[Path], folder: Path, frames: Frames = None) -> list[Raw]:
@@ -89,88 +88,13 @@ def read_files(paths: Iterable[Path], folder: Path, frames: Frames = None) -> li
         InputError: no file in that range, or as `read_file`.
     """
     numbered = sorted((n, p) for p in paths if (n := frame_number(p.name)) is not None)
-    chosen = _in_range(numbered, frames, folder)
-    return _collect(((n, p, _read(p)) for n, p in chosen), folder, _name(folder))
+    chosen = in_range(numbered, frames, folder)
+    return collect(
+        ((n, p, budget.read(p, FRAME)) for n, p in chosen), folder, recording_name(folder)
+    )
 
 
-def read_tar(path: Path, frames: Frames = None) -> list[Raw]:
-    """The sequences of a .tar, .tar.gz (.bz2, .xz); nothing is unpacked to disk.
-
-    Raises:
-        NotJointsError: no Panoptic hand file in it.
-        InputError: damaged or cut short, no file in that range, or as `read_file`.
-    """
-    groups: dict[Path, list[tuple[int, Path, bytes]]] = {}
-    numbers: list[tuple[int, Path]] = []
-    try:
-        with _open_tar(path) as archive:
-            for member in archive:
-                inside = Path(member.name)
-                match = FILE_NAME.fullmatch(inside.name)
-                if match is None or not member.isfile():
-                    continue
-                number = int(match[1])
-                numbers.append((number, inside))
-                if frames is None or frames[0] <= number <= frames[1]:
-                    stream = archive.extractfile(member)
-                    data = b"" if stream is None else stream.read()
-                    groups.setdefault(inside.parent, []).append((number, path / inside, data))
-            _check_end(archive)
-    except (
-        tarfile.TarError,
-        EOFError,
-        OSError,
-        ValueError,
-        MemoryError,
-        OverflowError,
-        zlib.error,
-        lzma.LZMAError,
-    ) as error:
-        detail = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(f"the archive is damaged or cut short ({detail})", path) from None
-    if not numbers:
-        raise NotJointsError("no handRecon3D_hd*.json in the archive", path)
-    _in_range(sorted(numbers), frames, path)
-    raws: list[Raw] = []
-    for inside in sorted(groups):
-        name = _name(path.parent / stem(path))
-        if len(groups) > 1:
-            name = f"{name} {_name(inside)}"
-        raws += _collect(sorted(groups[inside]), path, name)
-    return raws
-
-
-def _open_tar(path: Path) -> tarfile.TarFile:
-    with path.open("rb") as stream:
-        head = stream.read(6)
-    if head.startswith(b"\x1f\x8b"):
-        return tarfile.open(path, "r:gz")
-    if head.startswith(b"BZh"):
-        return tarfile.open(path, "r:bz2")
-    if head.startswith(b"\xfd7zXZ"):
-        return tarfile.open(path, "r:xz")
-    return tarfile.open(path, "r:")
-
-
-def _check_end(archive: tarfile.TarFile) -> None:
-    """A tar ends in blocks of zeros; Python's reader takes any end for the end.
-
-    Compressed ones need no check: they are read only if they are whole.
-    """
-    if isinstance(archive.fileobj, io.BufferedReader):
-        archive.fileobj.seek(archive.offset)
-        if archive.fileobj.read(tarfile.BLOCKSIZE) != bytes(tarfile.BLOCKSIZE):
-            raise tarfile.ReadError("no end of the archive")
-
-
-def _read(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", path) from None
-
-
-def _name(folder: Path) -> str:
+def recording_name(folder: Path) -> str:
     """The recording's name: hdHand3d itself says nothing."""
     folder = folder if folder.name else folder.resolve()
     if folder.name.lower() == "hdhand3d":
@@ -179,7 +103,7 @@ def _name(folder: Path) -> str:
     return folder.name or folder.resolve().name or "panoptic"
 
 
-def _in_range(
+def in_range(
     numbered: list[tuple[int, Path]], frames: Frames, where: Path
 ) -> list[tuple[int, Path]]:
     if frames is None:
@@ -193,7 +117,7 @@ def _in_range(
     return chosen
 
 
-def _collect(items: Iterable[tuple[int, Path, bytes]], where: Path, name: str) -> list[Raw]:
+def collect(items: Iterable[tuple[int, Path, bytes]], where: Path, name: str) -> list[Raw]:
     seen: dict[tuple[int, Hand], _Seen] = {}
     files = unidentified = 0
     for number, path, data in items:

@@ -10,12 +10,14 @@ from typing import Any
 
 import msgspec
 
-from handtrack.errors import InputError, SettingsError
+from handtrack.errors import InputError, SettingsError, shown
+from handtrack.files import budget
 from handtrack.sequences.readers import (
     freihand,
     leap,
     numpy_file,
     panoptic,
+    panoptic_tar,
     pickled,
     text_table,
     xr,
@@ -51,22 +53,19 @@ def read_file(
         NotJointsError: a whole file of which nothing is a hand.
         InputError: empty, damaged, cut short, or not as its format says.
     """
-    try:
-        with path.open("rb") as stream:
-            head = stream.read(512)
-            if not head:
-                raise InputError("the file is empty", path)
-            if head.startswith(MCAP_MAGIC):
-                from handtrack.sequences.readers.mcap_file import read_mcap
+    with budget.opened(path) as stream:
+        head = stream.read(512)
+        if not head:
+            raise InputError("the file is empty", path)
+        if head.startswith(MCAP_MAGIC):
+            from handtrack.sequences.readers.mcap_file import read_mcap
 
-                return read_mcap(path)
-            if _is_tar(head) or head.startswith((BZ2_MAGIC, XZ_MAGIC)):
-                return panoptic.read_tar(path, frames)
-            if head.startswith(GZIP_MAGIC):
-                return _read_gzip(path, frames, kind)
-            data = head + stream.read()
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror or error}", path) from None
+            return read_mcap(path)
+        if _is_tar(head) or head.startswith((BZ2_MAGIC, XZ_MAGIC)):
+            return panoptic_tar.read_tar(path, frames)
+        if head.startswith(GZIP_MAGIC):
+            return _read_gzip(path, frames, kind)
+        data = budget.rest(stream, path, head)
     return read_bytes(data, path, kind)
 
 
@@ -168,8 +167,10 @@ def _read_gzip(path: Path, frames: tuple[int, int] | None, kind: str | None) -> 
         with gzip.open(path) as stream:
             head = stream.read(512)
             if _is_tar(head):
-                return panoptic.read_tar(path, frames)
-            data = head + stream.read()
+                return panoptic_tar.read_tar(path, frames)
+            data = head + budget.unpacked(stream, path, path.stat().st_size)
     except (OSError, EOFError, zlib.error) as error:
-        raise InputError(f"the gzip file is damaged or cut short ({error})", path) from None
+        raise InputError(
+            f"the gzip file is damaged or cut short ({shown(str(error), 120)})", path
+        ) from None
     return read_bytes(data, path, kind)
