@@ -303,3 +303,11 @@ def _slot_of_thumb(part: int, parts: set[int]) -> int:
     if part == INTERMEDIATE:  # IP, where nothing else is it
         return DISTAL
     return part + 1
+
+
+def as_side(value: object) -> Hand | None:
+    """A label such as "Left", "R" or "right_hand" as a hand, None where it is none."""
+    if not isinstance(value, str) or len(value) > 20:
+        return None
+    side, rest = without_hand(words(value))
+    return side if all(word in ("hand", "hands") for word in rest) else None

@@ -159,6 +159,13 @@ def joints_key(name: str) -> JointsKey | None:
 
 
 @cache
+def of_side(name: str) -> tuple[Hand | None, str]:
+    """The hand that a name names, and the other words."""
+    hand, rest = without_hand(words(name))
+    return hand, " ".join(rest)
+
+
+@cache
 def side_key(name: str) -> Hand | None:
     """The hand that a container is named after ("left", "rightHand", "hand_l"), else None."""
     hand, rest = without_hand(words(name))
@@ -193,11 +200,3 @@ def nearest(name: str) -> str:
     given = "_".join(w for w in words(name) if w not in AXES and w not in SIDES)
     close = difflib.get_close_matches(given, JOINT_NAMES, 1, 0.0)
     return close[0] if close else JOINT_NAMES[0]
-
-
-def as_side(value: object) -> Hand | None:
-    """A label such as "Left", "R" or "right_hand" as a hand, None where it is none."""
-    if not isinstance(value, str):
-        return None
-    text = value.strip()
-    return SIDES.get(text.lower()) or (side_key(text) if len(text) <= 20 else None)

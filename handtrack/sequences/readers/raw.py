@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import Hand
 from handtrack.sequences.clock import Stamps
+from handtrack.sequences.names import as_side
 
 if TYPE_CHECKING:
     from handtrack.sequences.readers.mano_params import ManoValues
@@ -85,17 +86,35 @@ class Raw:
     notes: tuple[str, ...] = ()
 
 
+def take_rows(raw: Raw, rows: NDArray[np.int64]) -> Raw:
+    """Some of the frames, in that order."""
+    return replace(
+        raw,
+        joints=raw.joints[rows],
+        time_ns=None if raw.time_ns is None else raw.time_ns[rows],
+        stamps=None if raw.stamps is None else raw.stamps.take(rows),
+        frame_index=None if raw.frame_index is None else raw.frame_index[rows],
+        confidence=None if raw.confidence is None else raw.confidence[rows],
+        truth=None if raw.truth is None else raw.truth[rows],
+    )
+
+
+def usable_confidence(values: Array) -> Array | None:
+    """Confidence as it is meant: below 0 is 0 (Aria marks a lost hand with -1), missing ones are
+    sure; none at all where all are 0, as MediaPipe writes what it does not know."""
+    known = np.clip(np.nan_to_num(values, nan=1.0), 0, None)
+    return known if known.any() else None
+
+
 def as_hand(value: object, path: Path, where: str = "hand") -> Hand:
     """A label such as "Left" as "left".
 
     Raises:
         InputError: it is neither left nor right.
     """
-    text = str(value).strip().lower()
-    if text == "left":
-        return "left"
-    if text == "right":
-        return "right"
+    side = as_side(value)
+    if side is not None:
+        return side
     raise InputError(f"{where} is {str(value)[:40]!r}, expected left or right", path)
 
 

@@ -1,9 +1,10 @@
-"""Reader of text tables: CSV with or without a header, and FPHA's `skeleton.txt`.
+"""Reader of text tables: CSV with or without titles, and FPHA's `skeleton.txt`.
 
-With a header: `wrist_x, wrist_y, wrist_z, thumb_cmc_x, ...` (this project's joint names, or
-joint numbers as in `0_x`, `joint0_x`, `x0`), any columns left out are missing joints; beside
-them `time`, `time_s`, `time_ms`, `time_us`, `time_ns`, `frame`, `hand`. A column's name may end
-in the unit (`wrist_x_mm`). Without one: 63 numbers a line. Empty cells are missing.
+With titles: a joint's name or number and an axis (`wrist_x`, `INDEX_FINGER_MCP_X`, `x0`, `x1` to
+`x21`), of one hand or of both (`left_wrist_x`); beside them times, frame numbers, hands and
+confidences, under any of the names in `names`. Joints without columns are missing. A title may
+end in the unit (`wrist_x_mm`). Without titles: 63 numbers a line, 64 with a count before them,
+126 of two hands, or 21 lines of 3 numbers. Empty cells are missing.
 
 FPHA (Garcia-Hernando et al. 2018): frame index and 63 numbers a line [mm], right hands, its own
 joint order, 30 frames a second.
@@ -11,244 +12,193 @@ joint order, 30 frames a second.
 
 from __future__ import annotations
 
-import csv
-import re
-from collections.abc import Sequence as Items
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from handtrack.errors import InputError
-from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS
 from handtrack.sequences.clock import Stamps
-from handtrack.sequences.readers.fields import FRAME_KEYS, TIME_KEYS, frame_numbers
-from handtrack.sequences.readers.raw import (
-    Array,
-    NotJointsError,
-    Raw,
-    Unit,
-    as_hand,
-    as_unit,
-    stem,
-)
+from handtrack.sequences.names import as_side
+from handtrack.sequences.readers.bare_table import read_bare
+from handtrack.sequences.readers.fields import frame_numbers
+from handtrack.sequences.readers.raw import Array, Raw, as_hand, stem, take_rows, usable_confidence
+from handtrack.sequences.readers.table_cells import MISSING, Table, read_cells
+from handtrack.sequences.readers.table_columns import Columns, HandColumns, read_columns
+from handtrack.sequences.titles import time_unit, words
 
-_COLUMN = re.compile(r"(?P<joint>.+?)[_. ]?(?P<axis>[xyz])(?:[_ ]\(?(?P<unit>mm|cm|m)\)?)?")
-_REVERSED = re.compile(r"(?P<axis>[xyz])_?(?P<joint>\d+)(?:_(?P<unit>mm|cm|m))?")
-_NUMBER = re.compile(r"(?:joint|kp|j|landmark)?_?(\d+)")
-_MISSING = {"", "nan", "na", "null", "none"}
+_FINEST = ("ns", "us", "ms", "s", "")
 
 
 def read_table(data: bytes, path: Path) -> list[Raw]:
-    """The sequences of a text table: one, or one per hand where a `hand` column says so.
+    """The sequences of a text table: one, or one of each hand.
 
     Raises:
         NotJointsError: text, but not a table of joints.
-        InputError: a cell that is not a number, or lines of different length.
+        InputError: a cell that is not a number, lines of different length, or a column that
+            looks like a joint, a hand or a time and is not understood.
     """
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise NotJointsError(f"not UTF-8 text (byte {error.start})", path) from None
-    lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip()]
-    lines = [(i, line) for i, line in lines if not line.lstrip().startswith("#")]
-    if not lines:
-        raise InputError("no lines in it", path)
-    delimiter = next((d for d in (",", ";", "\t") if d in lines[0][1]), None)
-    first = _cells(*lines[0], delimiter, path)
-    # what the first line is decides whether this is a table of joints at all
-    if any(map(_is_number, first)) and all(_is_number(c) or c.lower() in _MISSING for c in first):
-        if len(first) not in (3 * N_JOINTS, 3 * N_JOINTS + 1):
-            raise NotJointsError(
-                f"a table of {len(first)} columns without a header, expected 63 (21 joints x 3)"
-                " or 64 (FPHA: the frame before them)",
-                path,
-            )
-        return [_bare(_rows(lines, delimiter, path), path)]
-    columns = _columns(first, path)
-    return _named(columns, first, _rows(lines, delimiter, path)[1:], path)
-
-
-def _cells(number: int, line: str, delimiter: str | None, path: Path) -> list[str]:
-    if delimiter is None:
-        return line.split()
-    try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
-    except csv.Error as error:
-        raise InputError(f"line {number}: {error}", path) from None
-
-
-def _rows(
-    lines: list[tuple[int, str]], delimiter: str | None, path: Path
-) -> list[tuple[int, list[str]]]:
-    rows: list[tuple[int, list[str]]] = []
-    for number, line in lines:
-        cells = _cells(number, line, delimiter, path)
-        rows.append((number, cells))
-        if len(cells) != len(rows[0][1]):
-            raise InputError(
-                f"line {number} has {len(cells)} columns, line {rows[0][0]} has {len(rows[0][1])}",
-                path,
-            )
-    return rows
-
-
-def _bare(rows: list[tuple[int, list[str]]], path: Path) -> Raw:
-    """A table of numbers alone: 63 columns, or FPHA's 64."""
-    width = len(rows[0][1])
-    values = _numbers(rows, range(width), [f"column {c + 1}" for c in range(width)], path)
-    if width == 3 * N_JOINTS:
-        return Raw(values.reshape(-1, N_JOINTS, 3), path, stem(path))
-    frame = frame_numbers(values[:, 0], len(rows), path, "the frame index (column 1)")
-    return Raw(
-        values[:, 1:].reshape(-1, N_JOINTS, 3),
-        path,
-        _fpha_name(path),
-        hand="right",
-        unit="mm",
-        order="fpha",
-        frame_index=frame,
-        fps=30.0,
-        subject=next((p for p in path.parts if p.lower().startswith("subject")), ""),
-    )
-
-
-def _fpha_name(path: Path) -> str:
-    """Every FPHA file is called skeleton.txt, in a folder ACTION/NUMBER."""
-    if stem(path) != "skeleton":
-        return stem(path)
-    return " ".join(path.resolve().parts[-3:-1]) or "skeleton"
-
-
-@dataclass
-class _Columns:
-    """What the columns of a table with a header are.
-
-    Attributes:
-        joints: column of each (joint, axis).
-        unit: the unit in their titles.
-        other: column of each other title, in lower case.
-    """
-
-    joints: dict[tuple[int, int], int]
-    unit: Unit | None
-    other: dict[str, int]
-
-
-def _columns(header: list[str], path: Path) -> _Columns:
-    joints: dict[tuple[int, int], int] = {}
-    units: set[Unit | None] = set()
-    other: dict[str, int] = {}
-    for c, title in enumerate(header):
-        place = _joint_column(title)
-        if place is None:
-            other[title.lower()] = c
-            continue
-        joint, axis, unit = place
-        if (joint, axis) in joints:
-            raise InputError(f"two columns for {JOINT_NAMES[joint]} {'xyz'[axis]}", path)
-        joints[joint, axis] = c
-        units.add(None if unit is None else as_unit(unit, path))
-    if not joints:
-        found = ", ".join(header[:6])[:60]
-        raise NotJointsError(
-            f"no joints in it: expected columns such as wrist_x, found {found}", path
-        )
-    if len(units) > 1:
-        raise InputError("columns of different units", path)
-    for joint in {j for j, _ in joints}:
-        for axis in range(3):
-            if (joint, axis) not in joints:
-                raise InputError(f"no column for {JOINT_NAMES[joint]} {'xyz'[axis]}", path)
-    return _Columns(joints, units.pop(), other)
-
-
-def _named(
-    columns: _Columns, header: list[str], rows: list[tuple[int, list[str]]], path: Path
-) -> list[Raw]:
-    other = columns.other
-    if not rows:
+    table = read_cells(data, path)
+    if table.titles is None or all(c.isdigit() or not c for c in table.titles):
+        return read_bare(table, path)
+    columns = read_columns(table.titles, path)
+    if not table.lines:
         raise InputError("a header, but no frames", path)
-    joints = np.full((len(rows), N_JOINTS, 3), np.nan)
-    places = list(columns.joints.values())
-    values = _numbers(rows, places, [header[c] for c in places], path)
-    for (joint, axis), column in zip(columns.joints, values.T, strict=True):
-        joints[:, joint, axis] = column
-    raw = Raw(joints, path, stem(path), unit=columns.unit)
-    time = next((k for k in TIME_KEYS if k in other), None)
-    if time is not None:
-        lines = [f"line {number}" for number, _ in rows]
-        texts = [cells[other[time]] for _, cells in rows]
-        raw.stamps = Stamps(texts, time, TIME_KEYS[time], lines)
-    frame = next((k for k in FRAME_KEYS if k in other), None)
-    if frame is not None:
-        values = _numbers(rows, [other[frame]], [frame], path)[:, 0]
-        raw.frame_index = frame_numbers(values, len(rows), path, frame)
-    unknown = [k for k in other if k not in (time, frame, "hand")]
-    if unknown:
-        raw.notes = (f"columns not used: {', '.join(unknown[:8])}",)
-    if "hand" not in other:
-        return [raw]
-    labels = [as_hand(cells[other["hand"]], path, f"line {i}: hand") for i, cells in rows]
-    return [_part(raw, np.array([v == hand for v in labels]), hand) for hand in _unique(labels)]
+    stamps, note = _stamps(table, table.titles, columns)
+    frame = None
+    if columns.frame is not None:
+        title = table.titles[columns.frame]
+        values = table.numbers([columns.frame], [title])[:, 0]
+        frame = frame_numbers(values, len(values), path, title)
+    label = _label_column(table, columns)
+    notes = [note] if note else []
+    unused = [*columns.unused, *(table.titles[c] for c in columns.maybe_label if c != label)]
+    if unused:
+        notes.append(f"columns not used: {', '.join(unused[:8])}")
+    raws = []
+    for hand, places in columns.hands.items():
+        joints, confidence = _joints(table, table.titles, places)
+        raw = Raw(
+            joints,
+            path,
+            stem(path),
+            confidence=confidence,
+            hand=hand,
+            unit=columns.unit,
+            frame_index=frame,
+            stamps=stamps,
+            notes=tuple(notes),
+        )
+        raws += _by_hand(raw, table, table.titles, columns, label)
+        notes = []
+    return raws
 
 
-def _unique(labels: Items[str]) -> list[str]:
-    return list(dict.fromkeys(labels))
+def _joints(table: Table, titles: list[str], places: HandColumns) -> tuple[Array, Array | None]:
+    """(T, N, 3) joints, NaN = missing, and their confidence (T, N)."""
+    n = len(table.lines)
+    joints = np.full((n, places.n_joints, 3), np.nan)
+    at = np.array(list(places.joints), dtype=np.int64)
+    columns = list(places.joints.values())
+    joints[:, at[:, 0], at[:, 1]] = table.numbers(columns, [titles[c] for c in columns])
+    sure = places.confidence
+    if not sure:
+        return joints, None
+    values = table.numbers(list(sure.values()), [titles[c] for c in sure.values()])
+    confidence = np.ones((n, places.n_joints))
+    for joint, column in zip(sure, values.T, strict=True):
+        # a whole hand's confidence counts for each joint
+        rows = slice(None) if joint == -1 else joint
+        confidence[:, rows] *= column[:, None] if joint == -1 else column
+    return joints, usable_confidence(confidence)
 
 
-def _part(raw: Raw, keep: np.ndarray, hand: str) -> Raw:
-    return Raw(
-        raw.joints[keep],
-        raw.path,
-        raw.name,
-        hand=as_hand(hand, raw.path),
-        unit=raw.unit,
-        stamps=None if raw.stamps is None else raw.stamps.take(np.flatnonzero(keep)),
-        frame_index=None if raw.frame_index is None else raw.frame_index[keep],
-        notes=raw.notes,
-    )
-
-
-def _joint_column(title: str) -> tuple[int, int, str | None] | None:
-    """Joint, axis and unit that a column's title names, or None."""
-    text = title.strip().lower()
-    match = _REVERSED.fullmatch(text) or _COLUMN.fullmatch(text)
-    if match is None:
-        return None
-    name, unit = match["joint"], match["unit"]
-    axis = "xyz".index(match["axis"])
-    if name in JOINT_NAMES:
-        return JOINT_NAMES.index(name), axis, unit
-    number = _NUMBER.fullmatch(name)
-    if number is None or int(number[1]) >= N_JOINTS:
-        return None
-    return int(number[1]), axis, unit
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
-def _numbers(
-    rows: list[tuple[int, list[str]]], columns: Items[int] | range, names: list[str], path: Path
-) -> Array:
-    """(rows, columns) numbers, NaN for empty cells."""
-    out = np.empty((len(rows), len(names)))
-    for r, (line, cells) in enumerate(rows):
-        for c, column in enumerate(columns):
-            cell = cells[column]
-            if cell.lower() in _MISSING:
-                out[r, c] = np.nan
+def _stamps(table: Table, titles: list[str], columns: Columns) -> tuple[Stamps | None, str | None]:
+    """The times, and what to say of further ones."""
+    pair = _seconds_and_nanoseconds(columns.times)
+    if pair is not None:
+        both = [table.texts(titles.index(t)) for t in pair]
+        if all(c.isdigit() for column in both for c in column):
+            values = [int(s) * 10**9 + int(ns) for s, ns in zip(*both, strict=True)]
+            return Stamps(np.array(values, dtype=np.int64), pair[0], "ns"), None
+    for unit in _FINEST:
+        for title in columns.times:
+            if time_unit(title) != unit:
                 continue
-            try:
-                out[r, c] = float(cell)
-            except ValueError:
-                raise InputError(
-                    f"line {line}: {names[c]} is {cell[:20]!r}, expected a number", path
-                ) from None
-    return out
+            cells = table.texts(titles.index(title))
+            if all(c.lower() in MISSING for c in cells):
+                continue
+            others = [t for t in columns.times if t != title]
+            note = f"timed by {title}, not by {', '.join(others[:4])}" if others else None
+            return Stamps(_as_numbers(cells), title, unit or None), note
+    return None, None
+
+
+def _seconds_and_nanoseconds(titles: list[str]) -> tuple[str, str] | None:
+    """Columns of a ROS stamp, flattened."""
+    parts = {time_unit(t): t for t in titles if words(t)[-1] not in ("time", "stamp", "timestamp")}
+    if "s" in parts and "ns" in parts and words(parts["s"])[:-1] == words(parts["ns"])[:-1]:
+        return (parts["s"], parts["ns"]) if len(words(parts["s"])) > 1 else None
+    return None
+
+
+def _as_numbers(cells: list[str]) -> Any:
+    """Numbers where all cells are, with all digits of whole ones; else the cells."""
+    if all(c.lstrip("-").isdigit() and len(c) < 20 for c in cells):
+        values = [int(c) for c in cells]  # nanoseconds of today do not fit in a float
+        return np.array(values, dtype=np.int64) if max(map(abs, values)) < 2**63 else cells
+    if max(map(len, cells)) < 18:
+        try:
+            return np.array([np.nan if c.lower() in MISSING else float(c) for c in cells])
+        except ValueError:
+            return cells
+    return cells
+
+
+def _label_column(table: Table, columns: Columns) -> int | None:
+    """The column of the hands' names: a "label" or "type" may be of something else."""
+    if columns.label is not None:
+        return columns.label
+    for c in columns.maybe_label:
+        said = [cell for cell in table.texts(c) if cell.lower() not in MISSING]
+        if said and all(as_side(cell) for cell in said):
+            return c
+    return None
+
+
+def _by_hand(
+    raw: Raw, table: Table, titles: list[str], columns: Columns, label: int | None
+) -> list[Raw]:
+    """One of each hand that the lines name or number, where the columns do not."""
+    keys: list[tuple[str, str]] = [("", "")] * len(table.lines)
+    if label is not None and raw.hand is None:
+        keys = [(_side(c, i, table, titles[label]), "") for i, c in enumerate(table.texts(label))]
+    if columns.number is not None and _doubled(keys, raw):
+        numbers = table.texts(columns.number)
+        keys = [(side, n) for (side, _), n in zip(keys, numbers, strict=True)]
+    seen = np.isfinite(raw.joints).any((1, 2))
+    for i, (side, _) in enumerate(keys):
+        if label is not None and raw.hand is None and not side and seen[i]:
+            raise InputError(f"line {table.places[i]}: {titles[label]} is empty", raw.path)
+    groups = dict.fromkeys(
+        k for k, there in zip(keys, seen, strict=True) if there
+    ) or dict.fromkeys(keys)
+    raws = []
+    for key in groups:
+        # a line in which nothing was seen is a frame of the only hand
+        rows = [i for i, k in enumerate(keys) if k == key or (len(groups) == 1 and not seen[i])]
+        part = take_rows(raw, np.array(rows, dtype=np.int64))
+        side, number = key
+        if side in ("left", "right"):
+            part.hand = as_hand(side, raw.path)
+        elif side or number:
+            part.name = f"{raw.name} hand {side or number}" if len(groups) > 1 else raw.name
+        if side.isdigit():
+            note = f"{titles[label or 0]} is {side}: which hand that is, the fingers tell"
+            part.notes = (*part.notes, note)
+        raws.append(part)
+    return raws
+
+
+def _side(cell: str, row: int, table: Table, title: str) -> str:
+    """ "left", "right", a number, or nothing."""
+    if cell.lower() in MISSING:
+        return ""
+    if cell in ("0", "1", "0.0", "1.0"):
+        return cell[0]
+    side = as_side(cell)
+    if side is None:
+        raise InputError(
+            f"line {table.places[row]}: {title} is {cell[:40]!r}, expected left or right",
+            table.path,
+        )
+    return side
+
+
+def _doubled(keys: list[tuple[str, str]], raw: Raw) -> bool:
+    """Whether a hand is there twice at one time, so that its number tells more than its name."""
+    if not any(side for side, _ in keys):
+        return True
+    times = None if raw.stamps is None else raw.stamps.values
+    when = raw.frame_index if raw.frame_index is not None else times
+    return when is not None and len({*zip(keys, list(when), strict=True)}) < len(keys)

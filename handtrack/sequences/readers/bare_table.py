@@ -1,0 +1,152 @@
+"""Tables of numbers without titles: what their columns are is guessed from how many there are,
+checked against the hand's geometry, and said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from handtrack.errors import InputError
+from handtrack.hand.skeleton import BONES, N_JOINTS, ORDER_JOINTS, ORDERS
+from handtrack.sequences.clock import Stamps
+from handtrack.sequences.readers.fields import frame_numbers
+from handtrack.sequences.readers.raw import METRES, Array, NotJointsError, Raw, Unit, stem
+from handtrack.sequences.readers.table_cells import Table
+from handtrack.sequences.size import PLAUSIBLE_PALM, palm_length
+
+COUNTS = sorted(set(ORDER_JOINTS.values()))
+_FAR_BETTER = 0.8
+"""One arrangement's bones are so much shorter and steadier than another's, at least."""
+
+
+def read_bare(table: Table, path: Path) -> list[Raw]:
+    """The sequences of a table of numbers.
+
+    Raises:
+        NotJointsError: a number of columns that makes no joints.
+        InputError: a cell that is no number, or a first column that counts nothing.
+    """
+    width = table.width
+    if not table.lines:
+        raise InputError("a header, but no frames", path)
+    begin, n, per_joint = _layout(table, path)
+    values = table.numbers(range(width), [f"column {c + 1}" for c in range(width)])
+    first = values[:, 0] if begin else None
+    if width == 3:
+        frames = values.reshape(-1, n, 3)
+    else:
+        frames = values[:, begin:].reshape(len(values), n, per_joint)
+    confidence = frames[..., 3] if per_joint == 4 else None
+    raw = Raw(frames[..., :3], path, stem(path), confidence=confidence)
+    if n in COUNTS:
+        return [_one_hand(raw, first, table, path)]
+    half = n // 2
+    raw = _with_count(raw, first, table, path)
+    note = f"{width} columns without titles: two hands of {half} joints, one behind the other"
+    return [
+        replace(
+            raw,
+            joints=raw.joints[:, part],
+            confidence=None if confidence is None else confidence[:, part],
+            name=f"{raw.name} hand {k}",
+            notes=(*raw.notes, note) if k == 1 else (),
+        )
+        for k, part in ((1, slice(0, half)), (2, slice(half, n)))
+    ]
+
+
+def _layout(table: Table, path: Path) -> tuple[int, int, int]:
+    """How many columns stand before the joints, how many joints there are, numbers of each."""
+    width = table.width
+    if width == 3 and len(table.lines) % N_JOINTS == 0:
+        return 0, N_JOINTS, 3
+    numbered = table.titles is not None and table.titles[0] == ""
+    for begin in (1,) if numbered else (0, 1):
+        for per_joint in (3, 4):
+            n, rest = divmod(width - begin, per_joint)
+            if rest == 0 and (n in COUNTS or (n % 2 == 0 and n // 2 in (N_JOINTS, 25, 26))):
+                return begin, n, per_joint
+    raise NotJointsError(
+        f"a table of {width} columns without a header, expected 63 (21 joints x 3), 64 (the frame"
+        " before them) or 126 (two hands); a frame has one of"
+        f" {', '.join(map(str, COUNTS))} joints",
+        path,
+    )
+
+
+def _one_hand(raw: Raw, first: Array | None, table: Table, path: Path) -> Raw:
+    n = raw.joints.shape[1]
+    if first is None or n != N_JOINTS or raw.confidence is not None:
+        return _with_count(raw, first, table, path)
+    if stem(path) == "skeleton" and table.separator is None:
+        return _fpha(raw, first, path)
+    ours, theirs = (_looseness(raw.joints[:, list(ORDERS[o])]) for o in ("handtrack", "fpha"))
+    if theirs < _FAR_BETTER * ours:
+        note = "64 columns without titles: read as FPHA's (index, its joint order, mm)"
+        return replace(_fpha(raw, first, path), notes=(note,))
+    if ours > _FAR_BETTER * theirs:
+        raise InputError(
+            "64 columns without titles: neither this project's joint order nor FPHA's makes bones"
+            " of one length of them (--order says which it is, titles as x0, y0, z0 say it too)",
+            path,
+        )
+    raw = _with_count(raw, first, table, path)
+    unit = _unit(raw.joints)
+    note = f"joints in this project's order{'' if unit is None else f', in {unit}'}"
+    return replace(raw, unit=unit, notes=(*raw.notes, f"64 columns without titles: {note}"))
+
+
+def _unit(joints: Array) -> Unit | None:
+    """The unit in which a palm has a palm's length."""
+    palm = palm_length(joints)
+    low, high = PLAUSIBLE_PALM
+    return next((unit for unit, metres in METRES.items() if low <= palm * metres <= high), None)
+
+
+def _looseness(joints: Array) -> float:
+    """How far joints are from being a hand's: the length of its bones and how it changes."""
+    parent, child = np.array(BONES).T
+    moved = joints[np.isfinite(joints).all((1, 2))]
+    if not len(moved):
+        return float("inf")
+    bones = np.linalg.norm(moved[:, child] - moved[:, parent], axis=-1)
+    return float((bones.mean(0) + 5 * bones.std(0)).sum())
+
+
+def _with_count(raw: Raw, first: Array | None, table: Table, path: Path) -> Raw:
+    """With what stands in the first column: a count of frames, or their times."""
+    if first is None or (table.titles is not None and table.titles[0] == ""):
+        return raw  # pandas counts lines
+    steps = np.diff(first)
+    whole = bool((first == np.round(first)).all())
+    if len(steps) and (steps > 0).mean() > 0.9 and (not whole or np.median(steps) > 5):
+        cells = table.texts(0)
+        exact = all(c.isdigit() and len(c) < 19 for c in cells)
+        values = np.array([int(c) for c in cells], dtype=np.int64) if exact else first
+        note = "the first column was read as times"
+        return replace(raw, stamps=Stamps(values, "column 1"), notes=(*raw.notes, note))
+    frame = frame_numbers(first, len(first), path, "the frame index (column 1)")
+    note = "the first column was read as frame numbers"
+    return replace(raw, frame_index=frame, notes=(*raw.notes, note))
+
+
+def _fpha(raw: Raw, first: Array, path: Path) -> Raw:
+    return replace(
+        raw,
+        name=_fpha_name(path),
+        hand="right",
+        unit="mm",
+        order="fpha",
+        frame_index=frame_numbers(first, len(first), path, "the frame index (column 1)"),
+        fps=30.0,
+        subject=next((p for p in path.parts if p.lower().startswith("subject")), ""),
+    )
+
+
+def _fpha_name(path: Path) -> str:
+    """Every FPHA file is called skeleton.txt, in a folder ACTION/NUMBER."""
+    if stem(path) != "skeleton":
+        return stem(path)
+    return " ".join(path.resolve().parts[-3:-1]) or "skeleton"

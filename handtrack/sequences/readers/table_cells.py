@@ -1,0 +1,285 @@
+"""The cells of a text table: what separates them, which lines are titles, numbers and texts."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence as Items
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from handtrack.errors import InputError
+from handtrack.sequences.readers.raw import Array, NotJointsError
+
+MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "#n/a", "nat"}
+_QUOTED = "\x1f"
+"""Separates cells of which some were quoted: no text holds it."""
+_NO_NUMBER = re.compile(r"[a-df-zA-DF-Z#]|(?<![\d.])[eE]|-(?![\d.])")
+_WORD = re.compile(r"(?i)\b(?:null|none|na|n/a|nat)\b|#n/a|(?<![\d.eE])-(?![\d.])")
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
+_MAX_TITLE_LINES = 4
+
+
+@dataclass
+class Table:
+    """A table's lines, whose cells are only looked at where they are needed.
+
+    Attributes:
+        lines: those of data.
+        places: each one's number in the file.
+        separator: between cells; None: blanks.
+        titles: of the columns; None where the table has none.
+        first: the first line's cells, for messages.
+        path: the file.
+    """
+
+    lines: list[str]
+    places: list[int]
+    separator: str | None
+    titles: list[str] | None
+    first: list[str]
+    path: Path
+
+    @property
+    def width(self) -> int:
+        """How many columns there are."""
+        return len(self.first if self.titles is None else self.titles)
+
+    def cells(self, row: int) -> list[str]:
+        """One row's cells."""
+        return _cells(self.lines[row], self.separator)
+
+    def texts(self, column: int) -> list[str]:
+        """One column's cells."""
+        if self.separator is None:
+            return [line.split(None, column + 1)[column] for line in self.lines]
+        return [line.split(self.separator, column + 1)[column].strip() for line in self.lines]
+
+    def numbers(self, columns: Items[int], names: Items[str]) -> Array:
+        """(rows, columns) numbers, NaN for empty cells.
+
+        Raises:
+            InputError: a cell that is no number, with its line and its column's name.
+        """
+        if not len(columns):
+            return np.empty((len(self.lines), 0))
+        try:
+            return np.loadtxt(
+                self._without_blanks(),
+                delimiter=self.separator,
+                usecols=list(columns),
+                comments=None,
+                ndmin=2,
+            )
+        except ValueError:
+            return self._slowly(columns, names)
+
+    def _without_blanks(self) -> list[str]:
+        """The lines with NaN in cells that are empty or say so."""
+        s = self.separator
+        text = "\n".join(self.lines)
+        if _NO_NUMBER.search(text):
+            text = _WORD.sub("nan", text)
+        if s is not None:
+            if f" {s}" in text or f"{s} " in text:
+                text = re.sub(f" *{re.escape(s)} *", s, text)
+            text = f"\n{text}\n"
+            for _ in range(2):  # neighbours share a separator
+                text = text.replace(s + s, f"{s}nan{s}")
+            text = text.replace(f"\n{s}", f"\nnan{s}").replace(f"{s}\n", f"{s}nan\n")
+            text = text[1:-1]
+        return text.split("\n")
+
+    def _slowly(self, columns: Items[int], names: Items[str]) -> Array:
+        out = np.empty((len(self.lines), len(columns)))
+        for r in range(len(self.lines)):
+            cells = self.cells(r)
+            for c, column in enumerate(columns):
+                cell = cells[column]
+                try:
+                    out[r, c] = np.nan if cell.lower() in MISSING else float(cell)
+                except ValueError:
+                    raise InputError(
+                        f"line {self.places[r]}: {names[c]} is {cell[:20]!r}, expected a number",
+                        self.path,
+                    ) from None
+        return out
+
+
+def read_cells(data: bytes, path: Path) -> Table:
+    """A text's lines as a table.
+
+    Raises:
+        NotJointsError: no text.
+        InputError: no lines, or lines of different length.
+    """
+    lines, places, comment = _lines(_text(data, path))
+    if not lines:
+        raise InputError("no lines in it", path)
+    if re.fullmatch(r"sep=[,;\t]", lines[0]):
+        separator: str | None = lines[0][-1]
+        lines, places = lines[1:], places[1:]
+    else:
+        separator = _separator(lines)
+    if separator is not None and any('"' in line for line in lines):
+        lines = [
+            _unquoted(line, separator, place, path)
+            for line, place in zip(lines, places, strict=True)
+        ]
+        separator = _QUOTED
+    n_titles = _title_lines(lines, separator)
+    titles = [_cells(line, separator) for line in lines[:n_titles]]
+    body, places = lines[n_titles:], places[n_titles:]
+    if body and not titles and comment:
+        # np.savetxt puts its header behind a "#"
+        said = (
+            _cells(comment, separator if separator in comment else None)
+            if separator
+            else comment.split()
+        )
+        if len(said) == len(_cells(body[0], separator)) and not any(map(is_number, said)):
+            titles = [said]
+    body = _points(body, separator)
+    table = Table(body, places, separator, _joined(titles), [], path)
+    table.first = table.cells(0) if body else []
+    _check_width(table)
+    return table
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number."""
+    try:
+        float(cell)
+    except ValueError:
+        return bool(_DECIMAL_COMMA.fullmatch(cell))
+    return True
+
+
+def _text(data: bytes, path: Path) -> str:
+    try:
+        if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            return data.decode("utf-16")
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise NotJointsError(f"not UTF-8 text (byte {error.start})", path) from None
+
+
+def _lines(text: str) -> tuple[list[str], list[int], str]:
+    """Lines with something in them, their numbers, and the last comment before the first."""
+    lines, places, comment = [], [], ""
+    for number, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), 1):
+        start = line.lstrip()
+        if not start:
+            continue
+        if start[0] == "#":
+            if not lines:
+                comment = start.lstrip("#").strip()
+            continue
+        lines.append(line)
+        places.append(number)
+    return lines, places, comment
+
+
+def _separator(lines: list[str]) -> str | None:
+    """What separates cells; blanks where nothing else does."""
+    few = [lines[0], lines[-1], *lines[1:4]]
+    for mark in (";", "\t", ","):
+        if all(mark in line for line in few):
+            return mark
+    return next((mark for mark in (";", "\t", ",") if mark in lines[0]), None)
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    if separator is None:
+        return line.split()
+    return [cell.strip() for cell in line.split(separator)]
+
+
+def _unquoted(line: str, separator: str, place: int, path: Path) -> str:
+    try:
+        return _QUOTED.join(next(csv.reader([line], delimiter=separator)))
+    except csv.Error as error:
+        raise InputError(f"line {place}: {error}", path) from None
+
+
+def _title_lines(lines: list[str], separator: str | None) -> int:
+    """How many of the first lines are titles."""
+    for n, line in enumerate(lines[: _MAX_TITLE_LINES + 1]):
+        cells = _cells(line, separator)
+        full = [c for c in cells if c.lower() not in MISSING]
+        numbers = [c for c in full if is_number(c)]
+        if n == 0 and len(numbers) == len(full) > 1 and _counts(cells):
+            continue
+        if numbers and len(numbers) >= len(full) / 2:
+            return n
+        if not full and n:
+            return n  # a frame in which nothing was seen
+    return 1
+
+
+def _counts(cells: list[str]) -> bool:
+    """Whether cells are 0, 1, 2, ... or 1, 2, 3, ...: the titles of columns without names."""
+    if len(cells) > 9 and cells[0] == "":
+        cells = cells[1:]
+    begin = cells[0]
+    if len(cells) < 9 or begin not in ("0", "1"):
+        return False
+    return cells == [str(i) for i in range(int(begin), int(begin) + len(cells))]
+
+
+def _joined(titles: list[list[str]]) -> list[str] | None:
+    """Titles of several lines as one each; a merged cell stands over all that are empty."""
+    if not titles:
+        return None
+    if len(titles) == 1:
+        return titles[0]
+    width = max(map(len, titles))
+    parts: list[list[str]] = [[] for _ in range(width)]
+    for n, line in enumerate(titles):
+        full = {cell for cell in line[1:] if cell}
+        if len(full) <= 1 and not (full and n == len(titles) - 1 and len(line) < 3):
+            if not full and line[0]:  # pandas names its index in a line of its own
+                parts[0] = [line[0]]
+            continue  # the same over all columns: who made the file
+        last = ""
+        for c in range(width):
+            cell = line[c] if c < len(line) else ""
+            last = cell or (last if n < len(titles) - 1 else "")
+            if last and (c or n == 0 or not parts[0]):
+                parts[c].append(last)
+    return [" ".join(p) for p in parts]
+
+
+def _points(lines: list[str], separator: str | None) -> list[str]:
+    """Decimal commas as points, where commas separate nothing."""
+    if separator == "," or not lines:
+        return lines
+    for line in lines[:50]:
+        if "," in line and any(_DECIMAL_COMMA.fullmatch(c) for c in _cells(line, separator)):
+            return [line.replace(",", ".") for line in lines]
+    return lines
+
+
+def _check_width(table: Table) -> None:
+    """Lines of one length; a separator too much at each one's end is taken away."""
+    mark, lines, width = table.separator, table.lines, table.width
+    if mark is None:
+        wrong = next((i for i, line in enumerate(lines) if len(line.split()) != width), None)
+    else:
+        n = width - 1
+        if (
+            table.titles is not None
+            and lines
+            and all(line.count(mark) == n + 1 and line.rstrip().endswith(mark) for line in lines)
+        ):
+            table.lines = lines = [line.rstrip()[:-1] for line in lines]
+        wrong = next((i for i, line in enumerate(lines) if line.count(mark) != n), None)
+    if wrong is not None:
+        first = table.places[0] if table.titles is None else 1
+        raise InputError(
+            f"line {table.places[wrong]} has {len(table.cells(wrong))} columns,"
+            f" line {first} has {width}",
+            table.path,
+        )

@@ -1,0 +1,243 @@
+"""What the columns of a table with titles are: joints of each hand, times, frames, hands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from handtrack.errors import InputError
+from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS, ORDER_JOINTS, Hand
+from handtrack.sequences.names import ROW_TITLES, UNUSED, JointName, settle
+from handtrack.sequences.readers.raw import METRES, NotJointsError, Unit
+from handtrack.sequences.titles import (
+    Column,
+    column,
+    is_confidence,
+    is_frame_number,
+    is_hand_label,
+    is_hand_number,
+    looks_meant,
+    may_be_hand_label,
+    nearest,
+    of_side,
+    time_unit,
+)
+
+_TO_SAY = 6
+
+
+@dataclass
+class HandColumns:
+    """The columns of one hand.
+
+    Attributes:
+        n_joints: in a frame, in the source's order where the columns are numbered.
+        named: whether the joints are ours, by name.
+        joints: column of each (joint, axis).
+        confidence: column of each joint's confidence; of the whole hand's under -1.
+    """
+
+    n_joints: int = N_JOINTS
+    named: bool = True
+    joints: dict[tuple[int, int], int] = field(default_factory=dict)
+    confidence: dict[int, int] = field(default_factory=dict)
+
+
+@dataclass
+class Columns:
+    """What the columns of a table are.
+
+    Attributes:
+        hands: columns of each hand; None: of a hand that is not named.
+        unit: the unit in the joints' titles.
+        times: titles of times.
+        frame, label, number: columns of frame numbers, of hands' names and numbers, or None.
+        maybe_label: columns that may hold hands' names.
+        unused: titles that nothing reads.
+    """
+
+    hands: dict[Hand | None, HandColumns] = field(default_factory=dict)
+    unit: Unit | None = None
+    times: list[str] = field(default_factory=list)
+    frame: int | None = None
+    label: int | None = None
+    number: int | None = None
+    maybe_label: list[int] = field(default_factory=list)
+    unused: list[str] = field(default_factory=list)
+
+
+def read_columns(titles: list[str], path: Path) -> Columns:
+    """What a table's titles say.
+
+    Raises:
+        NotJointsError: no joints among them.
+        InputError: joints that cannot be told, or lack an axis; titles that look like a joint, a
+            hand or a time and are not understood.
+    """
+    found = Columns()
+    joints: dict[Hand | None, list[tuple[int, Column]]] = {}
+    sure: list[tuple[int, Hand | None]] = []
+    for c, title in enumerate(titles):
+        said = column(title)
+        if said is not None:
+            joints.setdefault(said.joint.hand, []).append((c, said))
+        elif title.strip().lower() in ROW_TITLES:
+            continue
+        elif time_unit(title) is not None:
+            found.times.append(title)
+        elif found.frame is None and is_frame_number(title):
+            found.frame = c
+        elif found.label is None and is_hand_label(title):
+            found.label = c
+        elif found.number is None and is_hand_number(title):
+            found.number = c
+        elif is_confidence(of_side(title)[1]):
+            sure.append((c, of_side(title)[0]))
+        elif may_be_hand_label(title):
+            found.maybe_label.append(c)
+        else:
+            found.unused.append(title)
+    _refuse_meant(found, joints, titles, path)
+    if None in joints and len(joints) > 1:
+        _share_unsided(joints)
+    for hand in sorted(joints, key=lambda h: h or ""):
+        places = _of_hand(joints[hand], titles, path)
+        if places.joints:
+            found.hands[hand] = places
+    if not found.hands:
+        said = ", ".join(titles[:_TO_SAY])[:60]
+        raise NotJointsError(
+            f"no joints in it: expected columns such as wrist_x, found {said}", path
+        )
+    found.unit = _unit([s for said_of in joints.values() for _, s in said_of], path)
+    for c, hand in sure:
+        for at in [hand] if hand in found.hands else list(found.hands):
+            found.hands[at].confidence.setdefault(-1, c)
+    return found
+
+
+def _share_unsided(joints: dict[Hand | None, list[tuple[int, Column]]]) -> None:
+    """Columns without a hand beside others with one are only known extras, or of another hand."""
+    extras = [s for _, s in joints[None] if not s.joint.extra]
+    if not extras:
+        del joints[None]
+
+
+def _refuse_meant(
+    found: Columns,
+    joints: dict[Hand | None, list[tuple[int, Column]]],
+    titles: list[str],
+    path: Path,
+) -> None:
+    """Refuse titles that look like what is read, and are not understood."""
+    for title in found.unused:
+        kind = looks_meant(title)
+        if kind is None:
+            continue
+        if kind != "a joint":
+            raise InputError(
+                f"column {title[:40]!r} looks like {kind} and is not understood:"
+                f" name it {'time_s' if kind == 'a time' else 'hand'}, or leave it out",
+                path,
+            )
+        others = [t for t in found.unused if looks_meant(t) == "a joint"]
+        if not joints and not any(c.isdigit() for t in others for c in t) and len(others) < 4:
+            return  # another kind of table
+        known = [titles[c] for said in joints.values() for c, _ in said]
+        raise InputError(
+            f"column {_few(others)} looks like a joint and is not understood, the nearest name is"
+            f" {nearest(title)}; understood are {_few(known) or 'none'}",
+            path,
+        )
+
+
+def _few(names: Iterable[str]) -> str:
+    given = [name[:40] for name in names]
+    more = f" and {len(given) - 3} more" if len(given) > 3 else ""
+    return ", ".join(given[:3]) + more
+
+
+def _unit(said: list[Column], path: Path) -> Unit | None:
+    units = {s.unit for s in said if s.axis is not None and not s.joint.extra}
+    if len(units) > 1:
+        raise InputError("columns of different units", path)
+    unit = units.pop() if units else None
+    return next((u for u in METRES if u == unit), None)
+
+
+def _of_hand(said: list[tuple[int, Column]], titles: list[str], path: Path) -> HandColumns:
+    numbered = [s for _, s in said if _is_numbered(s.joint)]
+    if numbered and any(
+        s.axis is not None and not s.joint.extra for _, s in said if not _is_numbered(s.joint)
+    ):
+        other = next(c for c, s in said if not _is_numbered(s.joint) and not s.joint.extra)
+        first = next(c for c, s in said if _is_numbered(s.joint))
+        raise InputError(
+            f"joints with numbers ({titles[first]}) and with names ({titles[other]})", path
+        )
+    places = HandColumns(named=not numbered)
+    if numbered:
+        numbers = {s.joint.number for s in numbered if s.joint.number is not None}
+        begin, places.n_joints = _begin(numbers, titles[said[0][0]], path)
+        joint_of = [UNUSED if s.joint.number is None else s.joint.number - begin for _, s in said]
+    else:
+        settled = settle(s.joint for _, s in said)
+        for (c, _), joint in zip(said, settled, strict=True):
+            if joint is None:
+                raise InputError(f"column {titles[c]!r}: which joint it is cannot be told", path)
+        joint_of = [UNUSED if joint is None else joint for joint in settled]
+    for (c, s), joint in zip(said, joint_of, strict=True):
+        if joint == UNUSED:
+            continue
+        if s.axis is None:
+            places.confidence[joint] = c
+        elif (joint, s.axis) in places.joints:
+            name = JOINT_NAMES[joint] if places.named else titles[c]
+            raise InputError(f"two columns for {name} {'xyz'[s.axis]}", path)
+        else:
+            places.joints[joint, s.axis] = c
+    _check_axes(places, path)
+    return places
+
+
+def _is_numbered(joint: JointName) -> bool:
+    return joint.finger is None and joint.number is not None
+
+
+def _begin(numbers: set[int], title: str, path: Path) -> tuple[int, int]:
+    """The first joint's number, 0 or 1, and how many joints there are."""
+    last = max(numbers)
+    counts = sorted(set(ORDER_JOINTS.values()))
+    if 0 in numbers:
+        n = next((k for k in (N_JOINTS, *counts) if k > last), None)
+        begin = 0
+    elif last in counts and last >= N_JOINTS:
+        begin, n = 1, last
+    elif last == N_JOINTS - 1 and 1 not in numbers:
+        begin, n = 0, N_JOINTS
+    else:
+        begin, n = 1, None
+    if n is None:
+        raise InputError(
+            f"joints are numbered {min(numbers)} to {last} ({title}): expected 0 to 20 or 1 to 21,"
+            f" or another order's {', '.join(map(str, counts))} joints",
+            path,
+        )
+    return begin, n
+
+
+def _check_axes(places: HandColumns, path: Path) -> None:
+    there = {joint for joint, _ in places.joints}
+    axes = {axis for _, axis in places.joints}
+    if axes == {0, 1}:
+        raise InputError(
+            "only x and y of each joint: positions in a picture are no 3D joints (MediaPipe gives"
+            " those as world landmarks; two cameras' pictures can be triangulated)",
+            path,
+        )
+    for joint in sorted(there):
+        for axis in range(3):
+            if (joint, axis) not in places.joints:
+                name = JOINT_NAMES[joint] if places.named else f"joint {joint}"
+                raise InputError(f"no column for {name} {'xyz'[axis]}", path)
