@@ -32,6 +32,7 @@ def read_bare(table: Table, path: Path) -> list[Raw]:
     if not table.lines:
         raise InputError("a header, but no frames", path)
     begin, n, per_joint = _layout(table, path)
+    table.check_width()
     values = table.numbers(range(width), [f"column {c + 1}" for c in range(width)])
     first = values[:, 0] if begin else None
     if width == 3:

@@ -51,6 +51,22 @@ class Table:
         """One row's cells."""
         return _cells(self.lines[row], self.separator)
 
+    def check_width(self) -> None:
+        """Refuse lines of another length than the first.
+
+        Raises:
+            InputError: there is one.
+        """
+        mark, n = self.separator, self.width - 1
+        for i, line in enumerate(self.lines):
+            if (len(line.split()) - 1 if mark is None else line.count(mark)) != n:
+                first = self.places[0] if self.titles is None else 1
+                raise InputError(
+                    f"line {self.places[i]} has {len(self.cells(i))} columns,"
+                    f" line {first} has {self.width}",
+                    self.path,
+                )
+
     def texts(self, column: int) -> list[str]:
         """One column's cells."""
         if self.separator is None:
@@ -113,7 +129,7 @@ def read_cells(data: bytes, path: Path) -> Table:
 
     Raises:
         NotJointsError: no text.
-        InputError: no lines, or lines of different length.
+        InputError: no lines.
     """
     lines, places, comment = _lines(_text(data, path))
     if not lines:
@@ -142,9 +158,9 @@ def read_cells(data: bytes, path: Path) -> Table:
         if len(said) == len(_cells(body[0], separator)) and not any(map(is_number, said)):
             titles = [said]
     body = _points(body, separator)
-    table = Table(body, places, separator, _joined(titles), [], path)
+    joined = _joined(titles)
+    table = Table(_without_last(body, separator, joined), places, separator, joined, [], path)
     table.first = table.cells(0) if body else []
-    _check_width(table)
     return table
 
 
@@ -262,24 +278,14 @@ def _points(lines: list[str], separator: str | None) -> list[str]:
     return lines
 
 
-def _check_width(table: Table) -> None:
-    """Lines of one length; a separator too much at each one's end is taken away."""
-    mark, lines, width = table.separator, table.lines, table.width
-    if mark is None:
-        wrong = next((i for i, line in enumerate(lines) if len(line.split()) != width), None)
-    else:
-        n = width - 1
-        if (
-            table.titles is not None
-            and lines
-            and all(line.count(mark) == n + 1 and line.rstrip().endswith(mark) for line in lines)
-        ):
-            table.lines = lines = [line.rstrip()[:-1] for line in lines]
-        wrong = next((i for i, line in enumerate(lines) if line.count(mark) != n), None)
-    if wrong is not None:
-        first = table.places[0] if table.titles is None else 1
-        raise InputError(
-            f"line {table.places[wrong]} has {len(table.cells(wrong))} columns,"
-            f" line {first} has {width}",
-            table.path,
-        )
+def _without_last(lines: list[str], separator: str | None, titles: list[str] | None) -> list[str]:
+    """Lines without a separator at the end that separates nothing."""
+    if (
+        separator is None
+        or not lines
+        or not all(li.rstrip(" ").endswith(separator) for li in lines)
+    ):
+        return lines
+    if titles is not None and lines[0].count(separator) != len(titles):
+        return lines
+    return [line.rstrip(" ")[:-1] for line in lines]

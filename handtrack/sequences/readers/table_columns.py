@@ -25,6 +25,8 @@ from handtrack.sequences.titles import (
 )
 
 _TO_SAY = 6
+_FEWEST = 4
+"""A table of fewer joints is of something else: poses of wrists."""
 
 
 @dataclass
@@ -105,7 +107,7 @@ def read_columns(titles: list[str], path: Path) -> Columns:
         places = _of_hand(joints[hand], titles, path)
         if places.joints:
             found.hands[hand] = places
-    if not found.hands:
+    if not any(len(places.joints) >= 3 * _FEWEST for places in found.hands.values()):
         said = ", ".join(titles[:_TO_SAY])[:60]
         raise NotJointsError(
             f"no joints in it: expected columns such as wrist_x, found {said}", path
@@ -168,14 +170,16 @@ def _unit(said: list[Column], path: Path) -> Unit | None:
 
 def _of_hand(said: list[tuple[int, Column]], titles: list[str], path: Path) -> HandColumns:
     numbered = [s for _, s in said if _is_numbered(s.joint)]
-    if numbered and any(
-        s.axis is not None and not s.joint.extra for _, s in said if not _is_numbered(s.joint)
-    ):
-        other = next(c for c, s in said if not _is_numbered(s.joint) and not s.joint.extra)
-        first = next(c for c, s in said if _is_numbered(s.joint))
-        raise InputError(
-            f"joints with numbers ({titles[first]}) and with names ({titles[other]})", path
-        )
+    named = [c for c, s in said if not _is_numbered(s.joint) and not s.joint.extra]
+    if numbered and named:
+        numbers = {s.joint.number for s in numbered}
+        if len(numbers) < N_JOINTS or len(named) > 6:
+            first = next(c for c, s in said if _is_numbered(s.joint))
+            raise InputError(
+                f"joints with numbers ({titles[first]}) and with names ({titles[named[0]]})", path
+            )
+        # all joints are there by number; the wrist's pose stands beside them
+        said = [(c, s) for c, s in said if _is_numbered(s.joint)]
     places = HandColumns(named=not numbered)
     if numbered:
         numbers = {s.joint.number for s in numbered if s.joint.number is not None}
@@ -231,7 +235,7 @@ def _check_axes(places: HandColumns, path: Path) -> None:
     there = {joint for joint, _ in places.joints}
     axes = {axis for _, axis in places.joints}
     if axes == {0, 1}:
-        raise InputError(
+        raise NotJointsError(
             "only x and y of each joint: positions in a picture are no 3D joints (MediaPipe gives"
             " those as world landmarks; two cameras' pictures can be triangulated)",
             path,

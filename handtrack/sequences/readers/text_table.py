@@ -44,6 +44,7 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
     columns = read_columns(table.titles, path)
     if not table.lines:
         raise InputError("a header, but no frames", path)
+    table.check_width()
     stamps, note = _stamps(table, table.titles, columns)
     frame = None
     if columns.frame is not None:
@@ -110,7 +111,8 @@ def _stamps(table: Table, titles: list[str], columns: Columns) -> tuple[Stamps |
                 continue
             others = [t for t in columns.times if t != title]
             note = f"timed by {title}, not by {', '.join(others[:4])}" if others else None
-            return Stamps(_as_numbers(cells), title, unit or None), note
+            places = [f"line {n}" for n in table.places]
+            return Stamps(_as_numbers(cells), title, unit or None, places), note
     return None, None
 
 
