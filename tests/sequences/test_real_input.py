@@ -66,7 +66,7 @@ def test_everything_at_once(shared_data):
     sequences = ht.load(shared_data)
     assert len({s.name for s in sequences}) == len(sequences)
     assert len([s for s in sequences if "formats" not in Path(s.source).parts]) == 14
-    assert "detections_2d.npz" in sequences[0].notes[-1]
+    assert "passed over: " in sequences[0].notes[-1]
 
 
 def test_parts_of_the_shared_folder(shared_data):
