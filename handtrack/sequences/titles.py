@@ -195,6 +195,11 @@ def looks_meant(title: str) -> str | None:
     return None
 
 
+def looks_like_place(title: str) -> bool:
+    """Whether a title is of no other quantity than a place."""
+    return not set(words(title)) & OTHER
+
+
 def nearest(name: str) -> str:
     """The joint's name of ours that is most like a name."""
     given = "_".join(w for w in words(name) if w not in AXES and w not in SIDES)

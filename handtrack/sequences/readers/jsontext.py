@@ -15,6 +15,16 @@ _BYTE = re.compile(r" \(byte (\d+)\)$")
 _NAN = re.compile(rb"(?<=[\[:,\s])NaN(?=[\],}\s])")
 
 
+def as_utf8(data: bytes) -> bytes:
+    """Text in UTF-16 with a byte order mark, as spreadsheets save it, in UTF-8; else the same."""
+    if data[:2] not in (b"\xff\xfe", b"\xfe\xff"):
+        return data
+    try:
+        return data.decode("utf-16").encode()
+    except UnicodeError:
+        return data
+
+
 def decode(data: bytes, kind: Any, path: str | Path, first_line: int = 1) -> Any:
     """Decode JSON text as `kind`; NaN reads as null.
 

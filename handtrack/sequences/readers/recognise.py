@@ -24,7 +24,7 @@ from handtrack.sequences.readers import (
 )
 from handtrack.sequences.readers.interhand import is_interhand, read_interhand
 from handtrack.sequences.readers.json_file import is_lines, read_json, read_lines
-from handtrack.sequences.readers.jsontext import decode
+from handtrack.sequences.readers.jsontext import as_utf8, decode
 from handtrack.sequences.readers.raw import NotJointsError, Raw
 
 MCAP_MAGIC = b"\x89MCAP"
@@ -83,6 +83,7 @@ def read_bytes(data: bytes, path: Path, kind: str | None = None) -> list[Raw]:
         return numpy_file.read_npz(data, path)
     if data[:1] == PICKLE_START and data[-1:] == b".":
         return pickled.read_pickle(data, path)
+    data = as_utf8(data)
     if b"\0" in data[:512]:
         raise NotJointsError(
             "not a joint sequence: expected JSON, CSV, .npz, .npy, .mcap or a Panoptic .tar", path

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from handtrack.errors import InputError
+from handtrack.sequences.readers.jsontext import as_utf8
 from handtrack.sequences.readers.raw import Array, NotJointsError
 
 MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "#n/a", "nat"}
 _QUOTED = "\x1f"
 """Separates cells of which some were quoted: no text holds it."""
-_NO_NUMBER = re.compile(r"[a-df-zA-DF-Z#]|(?<![\d.])[eE]|-(?![\d.])")
 _WORD = re.compile(r"(?i)\b(?:null|none|na|n/a|nat)\b|#n/a|(?<![\d.eE])-(?![\d.])")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _MAX_TITLE_LINES = 4
@@ -81,22 +81,25 @@ class Table:
         """
         if not len(columns):
             return np.empty((len(self.lines), 0))
-        try:
-            return np.loadtxt(
-                self._without_blanks(),
-                delimiter=self.separator,
-                usecols=list(columns),
-                comments=None,
-                ndmin=2,
-            )
-        except ValueError:
-            return self._slowly(columns, names)
+        for blanks in (False, True):
+            try:
+                return np.loadtxt(
+                    self._without_blanks() if blanks else self.lines,
+                    delimiter=self.separator,
+                    usecols=list(columns),
+                    comments=None,
+                    ndmin=2,
+                )
+            except ValueError:
+                continue
+        return self._slowly(columns, names)
 
     def _without_blanks(self) -> list[str]:
         """The lines with NaN in cells that are empty or say so."""
         s = self.separator
         text = "\n".join(self.lines)
-        if _NO_NUMBER.search(text):
+        lower = text.lower()
+        if any(word in lower for word in ("null", "none", "na", "n/a", f"-{s}", "-\n")):
             text = _WORD.sub("nan", text)
         if s is not None:
             if f" {s}" in text or f"{s} " in text:
@@ -175,16 +178,16 @@ def is_number(cell: str) -> bool:
 
 def _text(data: bytes, path: Path) -> str:
     try:
-        if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-            return data.decode("utf-16")
-        return data.decode("utf-8-sig")
+        return as_utf8(data).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise NotJointsError(f"not UTF-8 text (byte {error.start})", path) from None
 
 
 def _lines(text: str) -> tuple[list[str], list[int], str]:
     """Lines with something in them, their numbers, and the last comment before the first."""
-    lines, places, comment = [], [], ""
+    lines: list[str] = []
+    places: list[int] = []
+    comment = ""
     for number, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), 1):
         start = line.lstrip()
         if not start:
@@ -263,7 +266,7 @@ def _joined(titles: list[list[str]]) -> list[str] | None:
         for c in range(width):
             cell = line[c] if c < len(line) else ""
             last = cell or (last if n < len(titles) - 1 else "")
-            if last and (c or n == 0 or not parts[0]):
+            if last:
                 parts[c].append(last)
     return [" ".join(p) for p in parts]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS, ORDER_JOINTS, Hand
-from handtrack.sequences.names import ROW_TITLES, UNUSED, JointName, settle
+from handtrack.sequences.names import AXES, ROW_TITLES, UNUSED, JointName, settle, words
 from handtrack.sequences.readers.raw import METRES, NotJointsError, Unit
 from handtrack.sequences.titles import (
     Column,
@@ -17,6 +17,7 @@ from handtrack.sequences.titles import (
     is_frame_number,
     is_hand_label,
     is_hand_number,
+    looks_like_place,
     looks_meant,
     may_be_hand_label,
     nearest,
@@ -108,10 +109,11 @@ def read_columns(titles: list[str], path: Path) -> Columns:
         if places.joints:
             found.hands[hand] = places
     if not any(len(places.joints) >= 3 * _FEWEST for places in found.hands.values()):
-        said = ", ".join(titles[:_TO_SAY])[:60]
+        there = ", ".join(titles[:_TO_SAY])[:60]
         raise NotJointsError(
-            f"no joints in it: expected columns such as wrist_x, found {said}", path
+            f"no joints in it: expected columns such as wrist_x, found {there}", path
         )
+    _refuse_triples(found, path)
     found.unit = _unit([s for said_of in joints.values() for _, s in said_of], path)
     for c, hand in sure:
         for at in [hand] if hand in found.hands else list(found.hands):
@@ -154,6 +156,25 @@ def _refuse_meant(
         )
 
 
+def _refuse_triples(found: Columns, path: Path) -> None:
+    """Where joints are missing, a place in space that is not understood may be one of them."""
+    if all(len(places.joints) >= 3 * N_JOINTS for places in found.hands.values()):
+        return
+    rests: dict[tuple[str, ...], list[str]] = {}
+    for title in found.unused:
+        given = words(title)
+        if sum(w in AXES for w in given) == 1 and looks_like_place(title):
+            rests.setdefault(tuple(w for w in given if w not in AXES), []).append(title)
+    for same in rests.values():
+        if len(same) == 3:
+            n = min(len(places.joints) for places in found.hands.values()) // 3
+            raise InputError(
+                f"columns {', '.join(t[:40] for t in same)} are not understood, and only {n} of"
+                f" {N_JOINTS} joints are: is it {nearest(same[0])}?",
+                path,
+            )
+
+
 def _few(names: Iterable[str]) -> str:
     given = [name[:40] for name in names]
     more = f" and {len(given) - 3} more" if len(given) > 3 else ""
@@ -172,8 +193,7 @@ def _of_hand(said: list[tuple[int, Column]], titles: list[str], path: Path) -> H
     numbered = [s for _, s in said if _is_numbered(s.joint)]
     named = [c for c, s in said if not _is_numbered(s.joint) and not s.joint.extra]
     if numbered and named:
-        numbers = {s.joint.number for s in numbered}
-        if len(numbers) < N_JOINTS or len(named) > 6:
+        if len({s.joint.number for s in numbered}) < N_JOINTS or len(named) > 6:
             first = next(c for c, s in said if _is_numbered(s.joint))
             raise InputError(
                 f"joints with numbers ({titles[first]}) and with names ({titles[named[0]]})", path

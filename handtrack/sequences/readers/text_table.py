@@ -19,13 +19,13 @@ import numpy as np
 
 from handtrack.errors import InputError
 from handtrack.sequences.clock import Stamps
-from handtrack.sequences.names import as_side
+from handtrack.sequences.names import as_side, words
 from handtrack.sequences.readers.bare_table import read_bare
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.raw import Array, Raw, as_hand, stem, take_rows, usable_confidence
 from handtrack.sequences.readers.table_cells import MISSING, Table, read_cells
 from handtrack.sequences.readers.table_columns import Columns, HandColumns, read_columns
-from handtrack.sequences.titles import time_unit, words
+from handtrack.sequences.titles import time_unit
 
 _FINEST = ("ns", "us", "ms", "s", "")
 
@@ -158,7 +158,8 @@ def _by_hand(
     if columns.number is not None and _doubled(keys, raw):
         numbers = table.texts(columns.number)
         keys = [(side, n) for (side, _), n in zip(keys, numbers, strict=True)]
-    seen = np.isfinite(raw.joints).any((1, 2))
+    finite = np.isfinite(raw.joints).reshape(len(raw.joints), -1)
+    seen: list[bool] = np.asarray(finite.any(axis=1)).tolist()
     for i, (side, _) in enumerate(keys):
         if label is not None and raw.hand is None and not side and seen[i]:
             raise InputError(f"line {table.places[i]}: {titles[label]} is empty", raw.path)
