@@ -22,6 +22,7 @@ from handtrack.viewer.hand_log import HandLog
 from handtrack.viewer.process import answers, free_port, grpc_address, viewer, wait_for
 from handtrack.viewer.rerun_log import APPLICATION
 from handtrack.viewer.shown import Shown, origin_ns
+from handtrack.viewer.streams import forget_recordings, send_blueprint
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -58,6 +59,7 @@ def connected(
     if not answers(host, port):
         raise HandtrackError(f"no viewer answers at {host}:{port}: start one with `rerun`")
     url = address if address.startswith("rerun") else f"rerun+http://{host}:{port}"
+    forget_recordings()
     recording = rr.RecordingStream(APPLICATION)
     recording.connect_grpc(url if url.endswith("/proxy") else f"{url}/proxy")
     try:
@@ -169,7 +171,7 @@ class LiveViewer:
             # all hands on the clock of the first
             origin = origin_ns([self._shown[0].track])
             view = eye(self._seen) if self._seen else eye([Seen.of(part)]).farther(2.0)
-            self._recording.send_blueprint(blueprint(self._shown, follow=True, view=view))
+            send_blueprint(self._recording, blueprint(self._shown, follow=True, view=view))
             self._hands[name] = HandLog(self._recording, shown, origin, self._mesh)
             self._hands[name].begin()
         self._hands[name].add(part)

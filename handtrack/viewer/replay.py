@@ -25,6 +25,7 @@ from handtrack.viewer.process import (
 )
 from handtrack.viewer.rerun_log import log_hands, save_hands
 from handtrack.viewer.shown import Run, Shown, on_one_clock, shown
+from handtrack.viewer.streams import send_blueprint
 
 MOST_SKINS = 20_000
 """More frames are shown without the skin, unless it is asked for: a viewer needs 56 kB for each."""
@@ -157,7 +158,7 @@ class _Show:
         follow = self.speed is not None
         arranged = blueprint(self.hands, side_by_side=self._side_by_side, follow=follow)
         with connected(address, process) as recording:
-            recording.send_blueprint(arranged)
+            send_blueprint(recording, arranged)
             if self.speed is None:
                 log_hands(recording, self.hands, mesh=self._mesh, limits=self._limits)
             else:

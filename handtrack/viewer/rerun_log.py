@@ -19,6 +19,7 @@ from handtrack.viewer.hand_log import HandLog, indexes
 from handtrack.viewer.picture_log import PictureView, log_pictures
 from handtrack.viewer.rrd_file import rrd_file
 from handtrack.viewer.shown import Run, Shown, counterpart, origin_ns, shown
+from handtrack.viewer.streams import forget_recordings, send_blueprint
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -69,7 +70,7 @@ def log_rerun(
     recording = recording or rr.get_data_recording()
     if recording is None:
         raise SettingsError("no Rerun recording is active: give one, or a file to save")
-    recording.send_blueprint(blueprint(hands, pictures=[view.name for view in pictures]))
+    send_blueprint(recording, blueprint(hands, pictures=[view.name for view in pictures]))
     log_hands(recording, hands, mesh=mesh, pictures=pictures)
     recording.flush()
     return None
@@ -89,6 +90,8 @@ def save_hands(
     arranged = blueprint(hands, side_by_side=side_by_side, pictures=names)
     with whole_file(path) as part, rrd_file(part, APPLICATION, arranged) as file:
         log_hands(file, hands, mesh=mesh, limits=limits, pictures=pictures)
+    del file
+    forget_recordings()
     return path
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from handtrack.viewer.abilities import writes_footers
+from handtrack.viewer.streams import forget_recordings, save_to
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -34,10 +35,12 @@ def rrd_file(
     """
     import rerun as rr
 
+    # those before, of which an error kept hold
+    forget_recordings()
     recording = rr.RecordingStream(application)
     failures: list[OSError] = []
     if sys.platform == "win32":
-        _save(recording, path, blueprint)
+        save_to(recording, path, blueprint)
         try:
             yield recording
         finally:
@@ -48,7 +51,7 @@ def rrd_file(
         copying.start()
         try:
             try:
-                _save(recording, Path(f"/dev/fd/{sink}"), blueprint)
+                save_to(recording, Path(f"/dev/fd/{sink}"), blueprint)
             finally:
                 # rerun has opened it again: the pipe ends when rerun closes it
                 os.close(sink)
@@ -64,13 +67,6 @@ def rrd_file(
         stream.seek(-len(_FOOTER) - 4, os.SEEK_END)
         if stream.read(len(_FOOTER)) != _FOOTER:
             raise OSError("rerun did not complete the file")
-
-
-def _save(recording: rr.RecordingStream, path: Path, blueprint: rrb.Blueprint) -> None:
-    try:
-        recording.save(path, default_blueprint=blueprint)
-    except RuntimeError as error:
-        raise OSError(f"rerun cannot write to {path}: {error}") from error
 
 
 def _copy(source: int, path: Path, failures: list[OSError]) -> None:
