@@ -54,8 +54,9 @@ def _stored(recording: rr.RecordingStream, arranged: rrb.Blueprint) -> Iterator[
     """A blueprint as rerun passes it on, which goes when the block ends."""
     import rerun as rr
     import rerun_bindings
+    from rerun.recording_stream import get_application_id
 
-    name = recording.get_application_id() or "handtrack"
+    name = get_application_id(recording) or "handtrack"
     native = rerun_bindings.new_blueprint(
         application_id=name, make_default=False, make_thread_default=False, default_enabled=True
     )
