@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ class Detections:
         image: hand -> (T, 21, 2) [px], NaN where it was not found (see `Detection.image`).
         world: hand -> (T, 21, 3) [m], NaN where it was not found.
         score: hand -> (T,) 0..1, 0 where it was not found.
+        fps: the rate that was given instead of the source's times, or None.
     """
 
     source: str
@@ -45,6 +46,7 @@ class Detections:
     image: dict[Hand, Array]
     world: dict[Hand, Array]
     score: dict[Hand, Array]
+    fps: float | None = None
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -154,7 +156,8 @@ def detect(
         raise InputError(f"no picture{where}", source)
     if not any(rows):
         raise NoHandError(f"{source}: no hand was found in {len(rows)} frames")
-    return _gathered(source, size, times, index, [tracks.named(row) for row in rows])
+    found = _gathered(source, size, times, index, [tracks.named(row) for row in rows])
+    return replace(found, fps=fps)
 
 
 def _gathered(

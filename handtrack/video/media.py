@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError, SettingsError
+from handtrack.sequences.clock import check_fps
+from handtrack.video.orientation import upright, way_of_frame, way_of_image
 
 Kind = Literal["video", "image", "images"]
 IMAGE_FPS = 30.0
@@ -26,7 +28,7 @@ class Picture:
     Attributes:
         index: its number in the source, from 0.
         time_ns: when, from the source's time stamps [ns].
-        rgb: (height, width, 3) uint8.
+        rgb: (height, width, 3) uint8, the right way up (see `orientation`).
         path: the file it comes from.
     """
 
@@ -64,8 +66,9 @@ def pictures(path: Path, fps: float | None = None) -> Iterator[Picture]:
 
     Raises:
         InputError: not a picture, damaged, or a video whose time stamps do not increase.
-        SettingsError: the extra `video` is not installed.
+        SettingsError: the extra `video` is not installed, or an fps that is none.
     """
+    check_fps(fps)
     what = kind(path)
     if what is None:
         raise InputError("neither a video nor an image nor a folder of images", path)
@@ -93,14 +96,14 @@ def count(path: Path) -> int:
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:
-    """(height, width, 3) RGB of an image file.
+    """(height, width, 3) RGB of an image file, turned as its EXIF says.
 
     Raises:
         InputError: it is damaged or no image.
     """
     with _open(path) as container:
         for frame in _decoded(container, path):
-            return np.asarray(frame.to_ndarray(format="rgb24"), dtype=np.uint8)
+            return upright(frame.to_ndarray(format="rgb24"), way_of_image(path))
     raise InputError("the image holds no picture", path)
 
 
@@ -128,7 +131,7 @@ def _video(path: Path, fps: float | None) -> Iterator[Picture]:
                     path,
                 )
             before = at
-            rgb = np.asarray(frame.to_ndarray(format="rgb24"), dtype=np.uint8)
+            rgb = upright(frame.to_ndarray(format="rgb24"), way_of_frame(frame))
             yield Picture(i, at, rgb, path)
 
 

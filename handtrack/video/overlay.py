@@ -116,7 +116,9 @@ def overlay(
     hands = [_hands(camera, tracks) for camera in cameras]
 
     def drawn() -> Iterator[tuple[int, Rgb]]:
-        for row in zip(*(pictures(camera.source) for camera in cameras), strict=False):
+        for row in zip(
+            *(pictures(camera.source, camera.found.fps) for camera in cameras), strict=False
+        ):
             done = [
                 draw(picture.rgb, camera.camera, of_camera.get(picture.index, []))
                 for picture, camera, of_camera in zip(row, cameras, hands, strict=True)

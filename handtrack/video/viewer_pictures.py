@@ -42,7 +42,7 @@ def picture_view(camera: Seen, tracks: list[Track]) -> PictureView:
 
     def jpegs() -> Iterator[bytes]:
         cv2 = opencv()
-        for picture in pictures(source):
+        for picture in pictures(source, found.fps):
             if picture.index in wanted:
                 rgb = picture.rgb
                 if scale < 1:
