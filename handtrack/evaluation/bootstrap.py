@@ -22,6 +22,10 @@ LEVEL = 0.95
 """Share of intervals that hold the true value, if all is well."""
 MIN_FRAMES = 8
 """With fewer frames no interval is given."""
+MIN_BLOCKS = 6.0
+"""Nor with fewer blocks: so few say next to nothing of how much they differ."""
+MIN_INDEPENDENT = 6.0
+"""Nor for errors of frames that are worth fewer independent ones."""
 _DRAWS = 1_000_000
 """Blocks drawn in all; in longer series blocks are longer than they need be."""
 _SEED = 20210
@@ -33,7 +37,7 @@ class Uncertain:
 
     Attributes:
         value: of the series as it is.
-        low, high: ends of the interval; NaN where there are too few frames.
+        low, high: ends of the interval; NaN where there are too few frames or blocks.
     """
 
     value: float
@@ -60,26 +64,35 @@ class Intervals:
     Attributes:
         mean, std: with their intervals.
         block: frames in each block.
+        few: why there are no intervals, or "".
     """
 
     mean: Uncertain
     std: Uncertain
     block: int
+    few: str = ""
 
 
 def intervals(values: ArrayLike) -> Intervals:
     """Intervals of the mean and of the (population's) standard deviation of a series.
 
+    Of values that are never below 0, as errors are, the ends are not either: the resamples'
+    quantiles are taken as ratios to the value.
+
     Args:
         values: (n,) in the order of time; NaN = no value in that frame.
     """
     series = _Moments(values)
-    block = series.block
+    wanted = series.block
+    worth = independent(series.values)
+    few, block = _few(series.n, wanted, worth), _shortened(wanted, series.n)
+    if few:
+        return Intervals(_alone(series.mean), _alone(series.std), block, few)
     mean, std = _resampled([series], block)[0]
-    blocks = max(series.n / block, 2.0)
-    return Intervals(
-        _around(series.mean, mean, blocks), _around(series.std, std, blocks, 0.0), block
-    )
+    blocks = min(series.n / block, worth)
+    errors = bool((series.values[series.present] >= 0).all())
+    of_mean = _by_ratio(series.mean, mean, blocks) if errors else _around(series.mean, mean, blocks)
+    return Intervals(of_mean, _mirrored_ratio(series.std, std, blocks), block)
 
 
 def difference(a: ArrayLike, b: ArrayLike) -> Intervals:
@@ -98,16 +111,19 @@ def difference(a: ArrayLike, b: ArrayLike) -> Intervals:
         raise InputError(f"series have shapes {a.shape} and {b.shape}, expected one of (frames,)")
     missing = np.isnan(a) | np.isnan(b)
     first, second = (_Moments(np.where(missing, np.nan, x)) for x in (a, b))
-    block = max(
+    wanted = max(
         block_length(first.values - second.values),
         block_length(first.spread_influence - second.spread_influence),
     )
+    few, block = _few(first.n, wanted), _shortened(wanted, first.n)
+    mean, std = first.mean - second.mean, first.std - second.std
+    if few:
+        return Intervals(_alone(mean), _alone(std), block, few)
     (mean_a, std_a), (mean_b, std_b) = _resampled([first, second], block)
-    blocks = max(first.n / block, 2.0)
+    # a difference that only swells and shrinks is still one: it widens the interval
+    blocks = min(first.n / block, max(independent(first.values - second.values), 3.0))
     return Intervals(
-        _around(first.mean - second.mean, mean_a - mean_b, blocks),
-        _around(first.std - second.std, std_a - std_b, blocks),
-        block,
+        _around(mean, mean_a - mean_b, blocks), _around(std, std_a - std_b, blocks), block
     )
 
 
@@ -130,11 +146,60 @@ class _Moments:
         return np.where(self.present, (self.centred**2 - self.std**2) / scale, np.nan)
 
     @property
-    def block(self) -> int:
+    def block(self) -> float:
         return max(block_length(self.values), block_length(self.spread_influence))
 
 
-def block_length(values: ArrayLike) -> int:
+def _few(n: int, block: float, worth: float = np.inf) -> str:
+    """Why n frames in such blocks, worth so many independent ones, make no interval, or ""."""
+    if n < MIN_FRAMES:
+        return f"{n} frames are too few for an interval"
+    if n < MIN_BLOCKS * block:
+        return (
+            f"{n} frames that hang together over about {block:.0f} are too few for an interval"
+            f" ({n / block:.1f} blocks, {MIN_BLOCKS:.0f} are needed)"
+        )
+    if worth < MIN_INDEPENDENT:
+        return (
+            f"{n} frames so alike that they are worth {worth:.1f} are too few for an interval"
+            f" ({MIN_INDEPENDENT:.0f} are needed)"
+        )
+    return ""
+
+
+def independent(values: ArrayLike) -> float:
+    """How many independent frames say as much of the mean as these do: n (1 - r) / (1 + r).
+
+    r is the correlation of neighbouring frames, (1 + 4 r) / n greater than it looks in n frames
+    (Kendall 1954): the frames' own mean hides a part of it.
+
+    Args:
+        values: (n,), NaN = missing.
+    """
+    x = np.asarray(values, dtype=np.float64)
+    present = ~np.isnan(x)
+    n = int(present.sum())
+    both = present[1:] & present[:-1]
+    x = np.where(present, x - x[present].mean() if n else 0.0, 0.0)
+    square = float((x**2).sum() / n) if n else 0.0
+    if not (square > 0 and both.any()):
+        return float(n)
+    r = float((x[1:] * x[:-1])[both].mean()) / square
+    r = min(max(r + (1 + 4 * r) / n, 0.0), 1 - 1 / n)
+    return n * (1 - r) / (1 + r)
+
+
+def _shortened(block: float, n: int) -> int:
+    """A block's frames: at most 3 sqrt(n), and n / 3."""
+    longest = max(1.0, min(3 * np.sqrt(n), n / 3))
+    return int(np.ceil(np.clip(block, 1.0, longest)))
+
+
+def _alone(value: float) -> Uncertain:
+    return Uncertain(value, float("nan"), float("nan"))
+
+
+def block_length(values: ArrayLike) -> float:
     """Frames in a block of the circular block bootstrap of a series' mean.
 
     Politis and White (2004): b = (2 G^2 / D)^(1/3) n^(1/3), with G = sum_k w_k |k| R_k and
@@ -145,13 +210,13 @@ def block_length(values: ArrayLike) -> int:
         values: (n,), NaN = missing.
 
     Returns:
-        1 for a series without memory; at most 3 sqrt(n), and n / 3.
+        At least 1, as for a series without memory; at most n.
     """
     x = np.asarray(values, dtype=np.float64)
     present = ~np.isnan(x)
     n = int(present.sum())
     if n < MIN_FRAMES:
-        return 1
+        return 1.0
     x = np.where(present, x - x[present].mean(), 0.0)
     few = max(5, int(np.ceil(np.sqrt(np.log10(n)))))
     reach = min(int(np.ceil(np.sqrt(n))) + few, len(x) - 1)
@@ -159,7 +224,7 @@ def block_length(values: ArrayLike) -> int:
     power = np.abs(np.fft.rfft(x, size)) ** 2
     covariance = np.fft.irfft(power, size)[: reach + 1] / n
     if not covariance[0] > 0:
-        return 1
+        return 1.0
     quiet = np.abs(covariance[1:] / covariance[0]) < 2 * np.sqrt(np.log10(n) / n)
     runs = np.lib.stride_tricks.sliding_window_view(quiet, min(few, len(quiet))).all(1)
     if runs.any():
@@ -171,19 +236,15 @@ def block_length(values: ArrayLike) -> int:
     window = np.minimum(1.0, 2.0 * (1.0 - lags / lags[-1]))  # 1 up to the middle, 0 at the end
     weighted = window * covariance[lags]
     g, total = 2 * (weighted * lags).sum(), covariance[0] + 2 * weighted.sum()
-    longest = max(1.0, min(3 * np.sqrt(n), n / 3))
     if not total > 0:
-        return 1
+        return 1.0
     best = (2 * g**2 / (4 / 3 * total**2)) ** (1 / 3) * n ** (1 / 3)
-    return int(np.ceil(np.clip(best, 1.0, longest)))
+    return float(np.clip(best, 1.0, n))
 
 
 def _resampled(series: list[_Moments], block: int) -> list[tuple[Array, Array]]:
     """(REPEATS,) means and standard deviations of each series, by the same blocks."""
     n = len(series[0].values)
-    if min(s.n for s in series) < MIN_FRAMES:
-        nothing = np.full(REPEATS, np.nan)
-        return [(nothing, nothing)] * len(series)
     block = max(block, -(-n * REPEATS // _DRAWS))
     blocks = -(-n // block)
     rng = np.random.default_rng(_SEED)
@@ -221,20 +282,44 @@ def student(p: float, free: float) -> float:
     return z + first / free + second / free**2 + third / free**3
 
 
-def _around(value: float, resampled: Array, blocks: float, least: float = -np.inf) -> Uncertain:
-    """The basic interval: the resamples' quantiles mirrored about the value.
+def _around(value: float, resampled: Array, blocks: float) -> Uncertain:
+    """The basic interval: the resamples' quantiles mirrored about the value."""
+    low, high = _quantiles(resampled)
+    wider = _wider(blocks)
+    return Uncertain(
+        value, float(value - wider * (high - value)), float(value + wider * (value - low))
+    )
 
-    Few blocks say too little of the spread: Student's t and the lost degree of freedom widen it.
-    """
-    known = resampled[~np.isnan(resampled)]
-    if not known.size:
-        return Uncertain(value, float("nan"), float("nan"))
+
+def _by_ratio(value: float, resampled: Array, blocks: float) -> Uncertain:
+    """The percentile interval of a mean that cannot be below 0."""
+    if not value > 0:
+        return Uncertain(value, value, value)
+    ratio = np.maximum(_quantiles(resampled), 0.0) / value  # rounding reaches below
+    low, high = ratio ** _wider(blocks) * value
+    return Uncertain(value, min(float(low), value), max(float(high), value))
+
+
+def _mirrored_ratio(value: float, resampled: Array, blocks: float) -> Uncertain:
+    """The basic interval of a deviation's logarithm: resamples deviate too little."""
+    if not value > 0:
+        return Uncertain(value, value, value)
+    low, high = _quantiles(resampled)
+    if not low > 0:  # some resamples hold one value only: no logarithm
+        plain = _around(value, resampled, blocks)
+        return Uncertain(value, max(0.0, plain.low), plain.high)
+    wider = _wider(blocks)
+    return Uncertain(value, value * (value / high) ** wider, value * (value / low) ** wider)
+
+
+def _quantiles(resampled: Array) -> tuple[float, float]:
+    tail = (1 - LEVEL) / 2
+    low, high = np.quantile(resampled[~np.isnan(resampled)], [tail, 1 - tail])
+    return float(low), float(high)
+
+
+def _wider(blocks: float) -> float:
+    """Few blocks say too little of the spread: Student's t and the lost degree of freedom."""
     tail = (1 - LEVEL) / 2
     free = max(blocks - 1, 1.0)
-    wider = student(1 - tail, free) / NormalDist().inv_cdf(1 - tail) * np.sqrt(blocks / free)
-    low, high = np.quantile(known, [tail, 1 - tail])
-    return Uncertain(
-        value,
-        max(least, float(value - wider * (high - value))),
-        float(value + wider * (value - low)),
-    )
+    return float(student(1 - tail, free) / NormalDist().inv_cdf(1 - tail) * np.sqrt(blocks / free))

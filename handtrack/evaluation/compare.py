@@ -40,6 +40,7 @@ class Difference:
         of: first minus second, with its 95 % interval.
         block: frames in the bootstrap's blocks.
         against: what the errors are measured against.
+        few: why there is no interval, or "".
     """
 
     first: str
@@ -50,6 +51,7 @@ class Difference:
     of: Uncertain
     block: int
     against: Against
+    few: str = ""
 
     @property
     def sentence(self) -> str:
@@ -71,12 +73,11 @@ class Difference:
         # as many digits as the interval is worth, two at least
         width = high - low
         n = int(np.clip(np.ceil(1 - np.log10(width)), 2, 4)) if 0 < width < np.inf else 2
-        numbers = (
-            f"{label} {less:.{n}f} vs {more:.{n}f} {unit}, difference {value:.{n}f}"
-            f" [{low:.{n}f}, {high:.{n}f}]"
-        )
+        numbers = f"{label} {less:.{n}f} vs {more:.{n}f} {unit}, difference {value:.{n}f}"
         if not np.isfinite(low):
-            return f"Too few frames to tell {better} from {worse}: {numbers}"
+            why = f" ({self.few})" if self.few else ""
+            return f"Too few frames to tell {better} from {worse}: {numbers}{why}"
+        numbers += f" [{low:.{n}f}, {high:.{n}f}]"
         if self.of.clear:
             return f"{better} {what} {worse}: {numbers}"
         return f"No clear difference between {better} and {worse}: {numbers}"
@@ -92,6 +93,7 @@ class Difference:
             "difference": self.of.to_dict(),
             "clear": self.of.clear,
             "block_frames": self.block,
+            "few": self.few,
             "sentence": self.sentence,
         }
 
@@ -197,7 +199,7 @@ def _difference(
 
     against = common[first].against
     return Difference(
-        first, second, measure, statistic, (value(a), value(b)), of, found.block, against
+        first, second, measure, statistic, (value(a), value(b)), of, found.block, against, found.few
     )
 
 

@@ -58,6 +58,12 @@ def page_data(report: Report) -> dict[str, Any]:
         scope = f"{report.overall.frames:,} frames"
         notes = []
     notes += [f"{r.name}: {n}" for m in methods.values() for r in m.sequences for n in r.notes]
+    few = {n: overall[n].intervals.get("pa_mpjpe_mm") for n in methods}
+    notes += [
+        f"{n + ': ' if len(methods) > 1 else ''}no interval of PA-MPJPE: {i.few}"
+        for n, i in few.items()
+        if i is not None and i.few
+    ]
     first = next(iter(methods.values()))
     paper = panoptic_rows(first.sequences)
     count = sum(len(m.sequences) for m in methods.values())

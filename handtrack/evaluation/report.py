@@ -153,6 +153,10 @@ def print_comparison(comparison: Comparison, console: Console | None = None) -> 
     )
     if left_out:
         console.print(f"Left out for lack of width: {', '.join(left_out)}.", style="dim")
+    for name, row in comparison.common.items():
+        found = row.intervals.get("pa_mpjpe_mm")
+        if found is not None and found.few:
+            console.print(escape(f"{name}: no interval of PA-MPJPE: {found.few}"), style="dim")
     for note in comparison.notes:
         console.print(escape(note), style="yellow")
     for name, report in methods.items():
@@ -241,8 +245,10 @@ def _print_paper(
 def _sure(row: Stability) -> str:
     """How sure the overall error is."""
     found = row.intervals.get("pa_mpjpe_mm")
-    if found is None or not np.isfinite(found.mean.low):
+    if found is None:
         return ""
+    if found.few:
+        return f"Overall PA-MPJPE {_short(found.mean.value)} without an interval: {found.few}."
     return (
         f"Overall PA-MPJPE {_short(found.mean.value)}{_range(found.mean)}, std"
         f" {_short(found.std.value)}{_range(found.std)}: 95 % intervals, block bootstrap of"

@@ -105,7 +105,8 @@ class Stability:
         outside_limits_percent: frames in which an angle is outside its limits; NaN without
             angles.
         joint_pa_mm: (21,) mean error of each joint after alignment.
-        intervals: 95 % block bootstrap intervals of mean and std, by the name of the measure.
+        intervals: 95 % block bootstrap intervals of mean and std, by the name of the measure;
+            where there are none it says why.
         notes: what to know when reading the numbers, one line each.
         frame_values: name -> (frames,) the values per frame that the numbers above sum up.
         material: the frames themselves; None for several sequences pooled.
@@ -193,12 +194,13 @@ class StabilityReport:
 
 
 def _interval_dict(intervals: Intervals) -> dict[str, Any]:
-    """{"mean": [low, high], "std": [low, high], "block_frames"}; null for what is not known."""
+    """{"mean": [low, high], "std": [low, high], "block_frames", "few"}; null: not known, and
+    `few` says why."""
     out: dict[str, Any] = {
         name: [_number(part.low), _number(part.high)]
         for name, part in (("mean", intervals.mean), ("std", intervals.std))
     }
-    return out | {"block_frames": intervals.block}
+    return out | {"block_frames": intervals.block, "few": intervals.few}
 
 
 def _number(value: float) -> float | None:

@@ -7,7 +7,7 @@ import pytest
 
 from handtrack.errors import InputError
 from handtrack.evaluation import bootstrap
-from handtrack.evaluation.bootstrap import block_length, difference, intervals, student
+from handtrack.evaluation.bootstrap import block_length, difference, independent, intervals, student
 
 
 def walk(rng, n, memory):
@@ -101,11 +101,123 @@ def test_missing_frames_are_left_out():
     assert both.mean.value == pytest.approx(0, abs=1e-12)
 
 
+def straight(x):
+    """Politis and White's block length in the plainest way: sums over lags, one by one.
+
+    Politis and White (2004), section 3.2, and Patton, Politis and White (2009), for the circular
+    bootstrap: G = sum |k| w R_k, D = 4/3 g(0)^2, b = (2 G^2 / D)^(1/3) n^(1/3); the flat-top
+    window ends at twice the lag after which K_n correlations are below 2 sqrt(log10 n / n).
+    """
+    n, x = len(x), np.asarray(x) - np.mean(x)
+    few = max(5, int(np.ceil(np.sqrt(np.log10(n)))))
+    reach = min(int(np.ceil(np.sqrt(n))) + few, n - 1)
+    r = [sum(x[i] * x[i + k] for i in range(n - k)) / n for k in range(reach + 1)]
+    bound = 2 * np.sqrt(np.log10(n) / n)
+    memory = next(
+        m
+        for m in range(reach)
+        if all(abs(r[m + j]) / r[0] < bound for j in range(1, few + 1) if m + j <= reach)
+    )
+    end = min(2 * max(memory, 1), reach)
+    g = spectrum = 0.0
+    for k in range(-end, end + 1):
+        share = abs(k) / end
+        window = 1.0 if share <= 0.5 else 2 * (1 - share)
+        g += window * abs(k) * r[abs(k)]
+        spectrum += window * r[abs(k)]
+    d = 4 / 3 * spectrum**2
+    return max(1.0, (2 * g**2 / d) ** (1 / 3) * n ** (1 / 3))
+
+
+@pytest.mark.parametrize(("n", "memory"), [(200, 0.3), (400, 0.6), (900, 0.8), (300, -0.4)])
+def test_block_length_is_the_formula(n, memory):
+    x = walk(np.random.default_rng(n), n, memory)
+    assert block_length(x) == pytest.approx(straight(x), rel=1e-9)
+    assert block_length(x) > 1.5
+
+
+def test_resamples_are_circular_and_as_long_as_the_series():
+    """Counted by hand: 10 frames in blocks of 4 are 4 + 4 + 2, beginning anywhere, going round."""
+    x = np.array([3.0, 1, 4, 1, 5, 9, 2, 6, 5, 3])
+    starts = np.array([[8, 0], [3, 9], [9, 5]])
+    ends = starts + np.array([[4], [4], [2]])
+    mean, std = bootstrap._moments(bootstrap._Moments(x), starts, ends, 4)
+    first = [5, 3, 3, 1, 1, 5, 9, 2, 3, 3]
+    second = [3, 1, 4, 1, 3, 3, 1, 4, 9, 2]
+    np.testing.assert_allclose(mean, [np.mean(first), np.mean(second)])
+    np.testing.assert_allclose(std, [np.std(first), np.std(second)])
+
+
+def test_resampled_means_vary_as_the_closed_form_says(monkeypatch):
+    """Var = (2 Var(S_4) + Var(S_2)) / 100 over all beginnings: the last block is cut to 2."""
+    monkeypatch.setattr(bootstrap, "REPEATS", 40_000)
+    x = np.array([3.0, 1, 4, 1, 5, 9, 2, 6, 5, 3])
+    ((mean, _),) = bootstrap._resampled([bootstrap._Moments(x)], 4)
+    sums = {b: [np.roll(x, -s)[:b].sum() for s in range(10)] for b in (4, 2)}
+    expected = (2 * np.var(sums[4]) + np.var(sums[2])) / 100
+    # going round, every frame is drawn as often: no bias
+    assert mean.mean() == pytest.approx(x.mean(), abs=5 * np.sqrt(expected / 40_000))
+    assert mean.var() == pytest.approx(expected, rel=0.04)
+    ((mean, _),) = bootstrap._resampled([bootstrap._Moments(np.full(10, 2.5))], 4)
+    assert (mean == 2.5).all()
+
+
+def test_errors_have_no_interval_below_zero():
+    """Means and deviations of rare large errors, where the basic interval reaches below 0."""
+    rng = np.random.default_rng(8)
+    below = 0
+    for n in (12, 20, 40, 90):
+        for _ in range(60):
+            x = rng.exponential(1.0, n) ** 3 * (rng.random(n) < 0.3)
+            found = intervals(x)
+            if found.few:
+                continue
+            assert 0 <= found.mean.low <= found.mean.value <= found.mean.high
+            assert 0 <= found.std.low <= found.std.value <= found.std.high
+            basic = bootstrap._around(x.mean(), rng.choice(x, (500, n)).mean(1), n)
+            below += basic.low < 0
+    assert below > 20  # the case is there
+
+
+@pytest.mark.parametrize(("n", "memory"), [(20, 0.95), (30, 0.97), (60, 0.99), (90, 0.99)])
+def test_short_clips_that_hang_together_have_no_false_interval(n, memory):
+    """Of 100 clips an interval would hold the true mean in few; those shown are few."""
+    rng = np.random.default_rng(n)
+    missed = 0
+    for _ in range(100):
+        x = np.exp(0.5 * walk(rng, n, memory))
+        found = intervals(x)
+        if found.few:
+            assert np.isnan([found.mean.low, found.mean.high, found.std.low]).all()
+            assert "too few for an interval" in found.few
+            assert found.mean.value == pytest.approx(x.mean())
+        else:
+            missed += not found.mean.low <= np.exp(0.125) <= found.mean.high
+    assert missed <= 20
+
+
+def test_a_drift_is_too_few_blocks():
+    found = intervals(np.linspace(1, 9, 120))
+    assert "too few for an interval" in found.few
+    assert intervals(np.linspace(1, 9, 120) + np.random.default_rng(0).normal(0, 0.01, 120)).few
+    both = difference(np.linspace(1, 3, 30), np.linspace(1, 3, 30)[::-1])
+    assert not both.mean.clear
+
+
+def test_independent_frames_of_an_autoregression():
+    """n (1 - r) / (1 + r), in the median over series."""
+    rng = np.random.default_rng(9)
+    for n, memory in ((120, 0.0), (300, 0.5), (300, 0.9), (1000, 0.95)):
+        found = np.median([independent(walk(rng, n, memory)) for _ in range(60)])
+        assert found == pytest.approx(n * (1 - memory) / (1 + memory), rel=0.25)
+
+
 def test_too_few_frames_have_no_interval():
     found = intervals([1.0, 2.0, 3.0])
     assert found.mean.value == 2
     assert np.isnan([found.mean.low, found.std.high]).all()
     assert not found.mean.clear
+    assert found.few == "3 frames are too few for an interval"
     assert found.mean.to_dict() == {"value": 2.0, "low": None, "high": None}
     assert np.isnan(intervals([]).mean.value)
     assert intervals([4.0] * 50).std == bootstrap.Uncertain(0.0, 0.0, 0.0)
