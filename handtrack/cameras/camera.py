@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 
 N_DISTORTION = 8
 _UNDISTORT_STEPS = 30
+_FAR = 1e9
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,11 @@ class Camera:
         self._checked("translation", (3,))
         if not (k[0, 0] > 0 and k[1, 1] > 0):
             raise InputError(f"camera {self.name}: focal lengths must be positive, see matrix")
+        if np.abs(k[2] - [0, 0, 1]).max() > 1e-6 or k[1, 0] != 0:
+            raise InputError(
+                f"camera {self.name}: matrix has {k[1, 0]:g} below the first focal length and"
+                f" {k[2].tolist()} for its last row, expected 0 and 0 0 1"
+            )
         if np.abs(r @ r.T - np.eye(3)).max() > 1e-4 or np.linalg.det(r) < 0:
             raise InputError(f"camera {self.name}: rotation is no rotation matrix")
 
@@ -72,7 +78,7 @@ class Camera:
             raise InputError(
                 f"camera {self.name}: {field} has shape {value.shape}, expected {shape}"
             )
-        if not np.isfinite(value).all():
+        if not (np.abs(value) < _FAR).all():
             raise InputError(f"camera {self.name}: {field} holds values that are not finite")
         value.flags.writeable = False
         object.__setattr__(self, field, value)

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.errors import InputError, ModelError
+from handtrack.errors import InputError, ModelError, shown
+from handtrack.files.texts import read_json
 from handtrack.hand.limits import Limits
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import reshaped
@@ -26,6 +27,7 @@ Array = NDArray[np.float64]
 
 FORMAT, VERSION = "handtrack hand", 1
 BASES = ("default", "mano", "gltf")
+_LONGEST, _FAR, _UNIT = 4096, 1e6, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,34 +116,31 @@ def read_hand(path: str | Path) -> HandFile:
             is missing or wrong; the message says what.
     """
     path = Path(path)
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise InputError("no such file", path) from error
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(f"is no hand file: {error}", path) from error
+    content = read_json(path, "is no hand file")
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise InputError(f'is no hand file: "format" is not "{FORMAT}"', path)
     if content.get("version") != VERSION:
         raise InputError(
-            f"is a hand file of version {content.get('version')!r}, expected {VERSION}", path
+            f"is a hand file of version {shown(content.get('version'), 40)}, expected {VERSION}",
+            path,
         )
     read = _Reader(path, content)
     hand = content.get("hand")
     if hand not in HANDS:
-        raise InputError(f"hand is {hand!r}, expected left or right", path)
+        raise InputError(f"hand is {shown(hand, 40)}, expected left or right", path)
     base = read.object("base")
     if base.get("name") not in BASES:
-        raise InputError(f"base is {base.get('name')!r}, expected {', '.join(BASES)}", path)
+        name = shown(base.get("name"), 40)
+        raise InputError(f"base is {name}, expected {', '.join(BASES)}", path)
     limits = read.object("limits")
     return HandFile(
         hand,
         str(base["name"]),
-        str(base.get("file", "")),
+        read.text(base, "file"),
         read.rows(content, "joints", JOINT_NAMES, (3,)),
         read.rows(content, "axes", ANGLE_NAMES, (3,)),
         Limits(
-            str(limits.get("name", "")),
+            read.text(limits, "name"),
             read.rows(limits, "lower", ANGLE_NAMES, ()),
             read.rows(limits, "upper", ANGLE_NAMES, ()),
         ),
@@ -173,7 +172,10 @@ def load_hand(path: str | Path, base: HandModel | None = None) -> HandModel:
         raise InputError(f"is a {stored.hand} hand, the model a {base.hand} one", path)
     if not np.array_equal(base.rest_joints, stored.joints):
         base = reshaped(base, stored.joints)
-    axes = stored.axes / np.linalg.norm(stored.axes, axis=1, keepdims=True)
+    lengths = np.linalg.norm(stored.axes, axis=1, keepdims=True)
+    if np.abs(lengths - 1).max() > _UNIT:
+        raise InputError("axes holds one that is not of length 1", path)
+    axes = stored.axes / lengths
     return replace(
         base,
         axes=stored.axes if np.abs(axes - stored.axes).max() < 1e-9 else axes,
@@ -203,16 +205,23 @@ class _Reader:
             raise InputError(f"{name} is missing or no object", self._path)
         return value
 
+    def text(self, within: Mapping[str, Any], name: str) -> str:
+        value = within.get(name, "")
+        if not isinstance(value, str) or len(value) > _LONGEST:
+            raise InputError(f"{name} is {shown(value, 40)}, expected a name", self._path)
+        return value
+
     def numbers(self, value: Any, name: str, shape: tuple[int, ...] | None) -> Array:
         flat = value if isinstance(value, list) else [value]
         if any(isinstance(x, bool) or not isinstance(x, int | float) for x in flat):
-            raise InputError(f"{name} is {str(value)[:40]}, expected numbers", self._path)
+            raise InputError(f"{name} is {shown(value, 40)}, expected numbers", self._path)
+        # numbers of any length may stand there
+        if any(not abs(x) < _FAR for x in flat):
+            raise InputError(f"{name} holds a number that is not finite", self._path)
         array = np.array(value, dtype=np.float64)
         if shape is not None and array.shape != shape:
             wanted = "one number" if shape == () else f"{shape[0]} numbers"
             raise InputError(f"{name} has {array.size} numbers, expected {wanted}", self._path)
-        if not np.isfinite(array).all():
-            raise InputError(f"{name} holds a number that is not finite", self._path)
         return array
 
     def rows(

@@ -132,7 +132,7 @@ def compressed(document):
 
 
 def too_many(document):
-    document["accessors"][0]["count"] *= 1000
+    document["accessors"][0]["count"] *= 10
 
 
 def lines(document):
@@ -173,7 +173,7 @@ def circular(document):
         (wrong_type, r"is no glTF 2.0: Expected `str`, got `int` - at `\$\.nodes\[3\]\.name`"),
         (sparse, "sparse data"),
         (foreign, "outside of its folder"),
-        (no_node, "damaged"),
+        (no_node, "joints that do not exist"),
         (circular, "damaged"),
     ],
 )
@@ -213,5 +213,5 @@ def test_torn_files_are_input_errors(tmp_path):
     path.write_text("{}")
     with pytest.raises(InputError, match="no glTF 2"):
         ht.HandModel.from_gltf(path)
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="no such file"):
         ht.HandModel.from_gltf(tmp_path / "none.glb")

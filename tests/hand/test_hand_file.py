@@ -62,11 +62,11 @@ def change(path: Path, **values: object) -> None:
     [
         ({"format": "other"}, 'is no hand file: "format" is not "handtrack hand"'),
         ({"version": 2}, "is a hand file of version 2, expected 1"),
-        ({"hand": "both"}, "hand is 'both', expected left or right"),
+        ({"hand": "both"}, "hand is both, expected left or right"),
         ({"joints": {}}, "joints lacks wrist"),
         ({"joints": None}, "joints is missing or no object"),
         ({"axes": {"thumb_cmc_flexion": [1, 0, 0]}}, "axes lacks thumb_cmc_abduction"),
-        ({"base": {"name": "clay"}}, "base is 'clay', expected default, mano, gltf"),
+        ({"base": {"name": "clay"}}, "base is clay, expected default, mano, gltf"),
         ({"thumb_twist": "much"}, "thumb_twist is much, expected numbers"),
         ({"calibration": 3}, "calibration is missing or no object"),
     ],
