@@ -1,0 +1,97 @@
+"""A clip's pictures: a subject's moving hand before calibrated cameras in a room."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+import handtrack as ht
+
+from .motion import Motion
+from .people import Subject, exposed, lights
+from .raster import Mesh, Raster
+from .room import room
+from .surface import forearm, hand_mesh, skin_pattern
+
+Array = NDArray[np.float64]
+Picture = NDArray[np.uint8]
+
+HAND, ARM, CLOTH = range(3)
+
+
+class Scene:
+    """Everything of a clip but its movement."""
+
+    def __init__(
+        self, raster: Raster, person: Subject, cameras: list[ht.Camera], seed: list[int]
+    ) -> None:
+        """Args:
+        raster: draws; of the cameras' picture size.
+        person: whose hand.
+        cameras: from where.
+        seed: of light, room and noise.
+        """
+        self._raster, self._person, self.cameras = raster, person, cameras
+        self._rng = np.random.default_rng(seed)
+        self._model = person.model
+        self._pattern = skin_pattern(person.hand)
+        self._scale = self._model.size / ht.HandModel.default("right").size
+        self._lights = exposed(lights(self._rng), person)
+        self._blur = self._rng.uniform(0.35, 0.8)
+        self._noise = self._rng.uniform(1.0, 3.0)
+        self._says = {
+            "tone": person.tone,
+            "tone_palm": person.tone_palm,
+            "cloth": person.cloth,
+            "joints_mm": self._pattern.joints,
+            "half_mm": self._pattern.half,
+            "seed": person.seed,
+            "roughness": person.roughness,
+            "wrinkles": person.wrinkles,
+        }
+        furniture = room(self._rng)
+        soft = self._rng.uniform(1.5, 5.0)
+        says: dict[str, object] = {"seed": person.seed}
+        self._backdrops = []
+        for camera in cameras:
+            sharp = raster.draw(raster.room, camera, [(furniture, {})], self._lights, says)
+            blurred = gaussian_filter(sharp.astype(np.float64), (soft, soft, 0))
+            self._backdrops.append(np.rint(blurred).astype(np.uint8))
+
+    def meshes(self, motion: Motion, frame: int) -> list[tuple[Mesh, dict[str, object]]]:
+        """Hand, forearm and sleeve of a frame."""
+        pose = motion.rotation[frame], motion.translation[frame]
+        skin = self._model.vertices(motion.angles[frame], *pose)
+        wrist = motion.translation[frame] + pose[0] @ self._model.rest_joints[0]
+        arm = (pose[0], wrist, motion.arm[frame], self._scale)
+        found: list[tuple[Mesh, dict[str, object]]] = [
+            (hand_mesh(self._model, self._pattern, skin), {"material": HAND}),
+            (forearm(*arm), {"material": ARM}),
+        ]
+        if self._person.sleeve_mm is not None:
+            sleeve = forearm(*arm, self._person.sleeve_mm, self._person.loose_mm)
+            found.append((sleeve, {"material": CLOTH}))
+        return found
+
+    def pictures(self, motion: Motion) -> Iterator[list[Picture]]:
+        """For each frame a picture of each camera."""
+        for frame in range(len(motion)):
+            meshes = self.meshes(motion, frame)
+            yield [
+                self._taken(
+                    self._raster.draw(
+                        self._raster.skin, camera, meshes, self._lights, self._says, backdrop
+                    )
+                )
+                for camera, backdrop in zip(self.cameras, self._backdrops, strict=True)
+            ]
+
+    def _taken(self, picture: Picture) -> Picture:
+        """Through the lens and onto the sensor: a little blur, and noise that light brings."""
+        soft = gaussian_filter(picture.astype(np.float32), (self._blur, self._blur, 0))
+        noise = self._rng.standard_normal(soft.shape, dtype=np.float32)
+        noise *= self._noise * (0.5 + 0.5 * np.sqrt(soft / 255.0))
+        return np.clip(np.rint(soft + noise), 0, 255).astype(np.uint8)

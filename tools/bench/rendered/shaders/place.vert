@@ -1,0 +1,22 @@
+#version 330
+// World points to a picture whose first row is the first in memory (y is turned over).
+uniform mat4 clip;
+in vec3 position;
+in vec3 normal;
+in vec3 rest;
+in vec3 local;
+in float finger;
+out vec3 at;
+out vec3 facing;
+out vec3 rest_mm;
+out vec3 local_mm;
+flat out int digit;
+
+void main() {
+    at = position;
+    facing = normal;
+    rest_mm = rest;
+    local_mm = local;
+    digit = int(finger + (finger < 0.0 ? -0.5 : 0.5));
+    gl_Position = clip * vec4(position, 1.0);
+}
