@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 import handtrack as ht
 
-from .raster import Lights
+from tools.bench.rendered.raster import Lights
 
 Array = NDArray[np.float64]
 

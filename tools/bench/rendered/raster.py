@@ -131,7 +131,6 @@ class Raster:
             ) from None
         self.size = size
         self._flags = moderngl.DEPTH_TEST
-        self._always = moderngl.NOTHING
         self._inner = self._gl.framebuffer(
             [self._gl.renderbuffer(size, 4, samples=SAMPLES)],
             self._gl.depth_renderbuffer(size, samples=SAMPLES),
@@ -141,22 +140,16 @@ class Raster:
         self._maps = [self._gl.depth_texture(side) for _ in range(LIGHTS)]
         for texture in self._maps:
             texture.compare_func = "<="
+            texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
         self._shadows = [self._gl.framebuffer(depth_attachment=t) for t in self._maps]
         self.skin = self._program("place.vert", "skin.frag")
         self.room = self._program("place.vert", "room.frag")
-        self._shadow = self._program("place.vert", "shadow.frag")
-        self._backdrop = self._program("backdrop.vert", "backdrop.frag")
-        self._picture = self._gl.texture(size, 3, alignment=1)
-        corners = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], dtype=np.float32)
-        self._corners = self._gl.vertex_array(
-            self._backdrop, [(self._gl.buffer(corners.tobytes()), "2f", "corner")]
-        )
-        self._strip = moderngl.TRIANGLE_STRIP
+        self._shadow = self._program("shadow.vert", "shadow.frag")
 
     def _program(self, vertex: str, fragment: str) -> Any:
         common = (SHADERS / "common.glsl").read_text()
-        text = (SHADERS / fragment).read_text().replace("//COMMON", common)
-        return self._gl.program((SHADERS / vertex).read_text(), text)
+        texts = [(SHADERS / name).read_text().replace("//COMMON", common) for name in (vertex, fragment)]
+        return self._gl.program(*texts)
 
     def draw(
         self,
@@ -165,16 +158,14 @@ class Raster:
         meshes: Many[tuple[Mesh, dict[str, object]]],
         lights: Lights,
         settings: dict[str, object],
-        backdrop: NDArray[np.uint8] | None = None,
     ) -> NDArray[np.uint8]:
-        """A picture (height, width, 3).
+        """A picture (height, width, 4): colour by how much of the pixel it covers, and that.
 
         Args:
             program: `skin` (with shadows) or `room`.
             camera: of this size.
             meshes: what to draw, each with what is said to the program for it alone.
             lights, settings: what is said to the program.
-            backdrop: a picture of this size that lies behind everything.
         """
         if camera.size != self.size:
             raise SettingsError(f"camera {camera.name} has {camera.size} pixels, not {self.size}")
@@ -192,12 +183,7 @@ class Raster:
             "eye": camera.centre,
         }
         self._inner.use()
-        self._inner.clear(0.0, 0.0, 0.0, 1.0, depth=1.0)
-        if backdrop is not None:
-            self._picture.write(np.ascontiguousarray(backdrop).tobytes())
-            self._picture.use(0)
-            self._gl.enable_only(self._always)
-            self._corners.render(self._strip)
+        self._inner.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
         self._gl.enable_only(self._flags)
         for i, texture in enumerate(self._maps):
             texture.use(1 + i)
@@ -205,10 +191,10 @@ class Raster:
             _say(program, uniforms | own)
             buffer.render(program)
         self._gl.copy_framebuffer(self._outer, self._inner)
-        data = self._outer.read(components=3, alignment=1)
+        data = self._outer.read(components=4, alignment=1)
         for buffer in buffers:
             buffer.release()
-        return np.frombuffer(data, np.uint8).reshape(self.size[1], self.size[0], 3)
+        return np.frombuffer(data, np.uint8).reshape(self.size[1], self.size[0], 4)
 
     def depth(self, camera: ht.Camera, mesh: Mesh) -> Array:
         """(height, width) depth of a mesh before the camera [m]; inf where there is none."""

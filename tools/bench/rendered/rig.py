@@ -32,7 +32,7 @@ def arc(rng: np.random.Generator, count: int, size: tuple[int, int] = SIZE) -> l
     cameras = []
     for i, azimuth in enumerate(np.deg2rad(azimuths)):
         elevation = np.deg2rad(rng.uniform(-8, 22))
-        distance = rng.uniform(0.46, 0.60)
+        distance = rng.uniform(0.43, 0.56)
         level = distance * np.cos(elevation)
         eye = np.array([level * np.sin(azimuth), -level * np.cos(azimuth), 0.0])
         eye[2] = distance * np.sin(elevation)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .raster import Mesh
+from tools.bench.rendered.raster import Mesh
 
 Array = NDArray[np.float64]
 

@@ -10,11 +10,11 @@ from scipy.ndimage import gaussian_filter
 
 import handtrack as ht
 
-from .motion import Motion
-from .people import Subject, exposed, lights
-from .raster import Mesh, Raster
-from .room import room
-from .surface import forearm, hand_mesh, skin_pattern
+from tools.bench.rendered.motion import Motion
+from tools.bench.rendered.people import Subject, exposed, lights
+from tools.bench.rendered.raster import Mesh, Raster
+from tools.bench.rendered.room import room
+from tools.bench.rendered.surface import forearm, hand_mesh, skin_pattern
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -41,7 +41,8 @@ class Scene:
         self._scale = self._model.size / ht.HandModel.default("right").size
         self._lights = exposed(lights(self._rng), person)
         self._blur = self._rng.uniform(0.35, 0.8)
-        self._noise = self._rng.uniform(1.0, 3.0)
+        noise = self._rng.uniform(1.0, 3.0)
+        self._store = noise * self._rng.standard_normal(4_000_000, dtype=np.float32)
         self._says = {
             "tone": person.tone,
             "tone_palm": person.tone_palm,
@@ -58,8 +59,7 @@ class Scene:
         self._backdrops = []
         for camera in cameras:
             sharp = raster.draw(raster.room, camera, [(furniture, {})], self._lights, says)
-            blurred = gaussian_filter(sharp.astype(np.float64), (soft, soft, 0))
-            self._backdrops.append(np.rint(blurred).astype(np.uint8))
+            self._backdrops.append(gaussian_filter(sharp[..., :3].astype(np.float32), (soft, soft, 0)))
 
     def meshes(self, motion: Motion, frame: int) -> list[tuple[Mesh, dict[str, object]]]:
         """Hand, forearm and sleeve of a frame."""
@@ -80,18 +80,29 @@ class Scene:
         """For each frame a picture of each camera."""
         for frame in range(len(motion)):
             meshes = self.meshes(motion, frame)
-            yield [
-                self._taken(
-                    self._raster.draw(
-                        self._raster.skin, camera, meshes, self._lights, self._says, backdrop
-                    )
-                )
-                for camera, backdrop in zip(self.cameras, self._backdrops, strict=True)
+            drawn = [
+                self._raster.draw(self._raster.skin, camera, meshes, self._lights, self._says)
+                for camera in self.cameras
             ]
+            yield [self._taken(*both) for both in zip(drawn, self._backdrops, strict=True)]
 
-    def _taken(self, picture: Picture) -> Picture:
-        """Through the lens and onto the sensor: a little blur, and noise that light brings."""
-        soft = gaussian_filter(picture.astype(np.float32), (self._blur, self._blur, 0))
-        noise = self._rng.standard_normal(soft.shape, dtype=np.float32)
-        noise *= self._noise * (0.5 + 0.5 * np.sqrt(soft / 255.0))
-        return np.clip(np.rint(soft + noise), 0, 255).astype(np.uint8)
+    def _taken(self, hand: Picture, backdrop: NDArray[np.float32]) -> Picture:
+        """Before the room, through the lens and onto the sensor: a little blur, and noise."""
+        picture = backdrop.copy()
+        rows, columns = (np.flatnonzero(hand[..., 3].any(i)) for i in (1, 0))
+        if rows.size:
+            box = np.s_[
+                max(rows[0] - 4, 0) : rows[-1] + 5, max(columns[0] - 4, 0) : columns[-1] + 5
+            ]
+            part = hand[box].astype(np.float32)
+            picture[box] *= 1.0 - part[..., 3:] / 255.0
+            picture[box] += part[..., :3]
+            picture[box] = gaussian_filter(picture[box], (self._blur, self._blur, 0), truncate=3.0)
+        picture += self._grain(picture)
+        return np.clip(picture + 0.5, 0, 255).astype(np.uint8)
+
+    def _grain(self, picture: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Noise, more where there is light, from a store of it."""
+        start = int(self._rng.integers(self._store.size - picture.size))
+        noise = self._store[start : start + picture.size].reshape(picture.shape)
+        return np.asarray(noise * (0.6 + picture * (0.4 / 255.0)), dtype=np.float32)

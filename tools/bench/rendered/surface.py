@@ -14,7 +14,7 @@ from scipy import sparse
 
 import handtrack as ht
 
-from .raster import Mesh
+from tools.bench.rendered.raster import Mesh
 
 Array = NDArray[np.float64]
 
@@ -104,7 +104,7 @@ def hand_mesh(model: ht.HandModel, pattern: SkinPattern, vertices: Array) -> Mes
 # ---- forearm and sleeve: tubes about a curve from inside the hand to the elbow ----
 
 AROUND = 40
-_BACK_MM = np.array([-8.0, -2, 6, 14, 24, 36, 50, 70, 95, 125, 160, 200, 240, 300, 380, 460])
+_BACK_MM = np.array([-8.0, -2, 6, 14, 24, 36, 50, 70, 95, 125, 160, 200, 240, 300, 400, 900])
 _WIDE_MM = np.array([23.0, 27, 28.4, 28.4, 28, 28, 28.5, 30, 32.5, 36, 40, 43, 44, 45, 45, 44])
 _THICK_MM = np.array([13.0, 16.5, 18, 18.2, 18.2, 18.5, 19, 21, 25, 30, 34, 37, 38, 39, 40, 40])
 _HIGH_MM = np.array([1.0, 1.0, 1.0, 0.6, 0.2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0])

@@ -21,7 +21,8 @@ void main() {
     if (digit == 1) base *= 0.75 + 0.5 * noise(vec3(x.x * 2.0, x.y * 40.0, x.z * 40.0));
     if (digit == 2) {
         vec3 shelf = floor(vec3(x.x * 28.0, x.y * 28.0, x.z * 3.2));
-        base = 0.75 * vec3(hash(shelf), hash(shelf + 11.0), hash(shelf + 23.0));
+        vec3 cover = vec3(hash(shelf), hash(shelf + 11.0), hash(shelf + 23.0));
+        base = 0.55 * mix(vec3(dot(cover, vec3(0.33))), cover, 0.45);
         base *= smoothstep(0.0, 0.12, fract(x.z * 3.2)) * (1.0 - smoothstep(0.75, 0.8, fract(x.z * 3.2)));
     }
     if (digit == 3) base *= 0.7 + 0.3 * step(0.5, fract(x.x * 6.0)) + 0.3 * step(0.5, fract(x.z * 6.0));

@@ -2,6 +2,7 @@
 // Skin, nails and cloth under three lights with soft shadows.
 //COMMON
 const int LIGHTS = 3;
+const int TAPS = 4;
 uniform sampler2DShadow shadow[LIGHTS];
 uniform mat4 light_clip[LIGHTS];
 uniform vec3 light_direction[LIGHTS];
@@ -23,22 +24,22 @@ in vec3 at;
 in vec3 facing;
 in vec3 rest_mm;
 in vec3 local_mm;
+in vec3 slow;
 flat in int digit;
 out vec4 colour;
 
-float lit(int i, vec3 n) {
+float lit(int i, vec3 n, float turn) {
     vec4 p = light_clip[i] * vec4(at + 0.0015 * n, 1.0);
     vec3 q = p.xyz / p.w * 0.5 + 0.5;
     float sum = 0.0;
-    float turn = 6.2831 * hash(vec3(gl_FragCoord.xy, seed));
-    for (int k = 0; k < 8; ++k) {
-        float r = sqrt((float(k) + 0.5) / 8.0) * 0.016, a = 2.39996 * float(k) + turn;
+    for (int k = 0; k < TAPS; ++k) {
+        float r = sqrt((float(k) + 0.5) / float(TAPS)) * 0.016, a = 2.39996 * float(k) + turn;
         vec3 c = vec3(q.xy + r * vec2(cos(a), sin(a)), q.z - 0.002);
         if (i == 0) sum += texture(shadow[0], c);
         else if (i == 1) sum += texture(shadow[1], c);
         else sum += texture(shadow[2], c);
     }
-    return sum / 8.0;
+    return sum / float(TAPS);
 }
 
 float segment(vec2 p, vec2 a, vec2 b) {
@@ -50,7 +51,7 @@ float line(float distance, float width) { return exp(-distance * distance / (wid
 
 // the palm's three lines and the creases at the hinges; rest_mm is of a right hand of mean size
 float creases(float palmar) {
-    float wobble = 1.6 * (noise(rest_mm * 0.12 + seed) - 0.5);
+    float wobble = 1.6 * slow.y;
     float found = 0.0;
     if (palmar > 0.0 && digit < 0) {
         vec2 p = rest_mm.xy + wobble;
@@ -100,17 +101,19 @@ void main() {
     float shine = 0.04, rough = roughness, red = 0.0;
     if (material == 2) {
         float weave = 0.5 + 0.5 * sin(rest_mm.x * 3.1) * sin(rest_mm.y * 3.1 + rest_mm.z * 2.3);
-        float folds = noise(rest_mm * vec3(0.06, 0.03, 0.03) + seed);
+        float folds = slow.z;
         base = cloth * (0.75 + 0.2 * weave + 0.25 * folds);
-        n = bumped(n, 3.0 * noise(rest_mm * vec3(0.05, 0.025, 0.025) + seed));
+        n = bumped(n, 4.0 * slow.z);
         shine = 0.01;
         rough = 0.9;
     } else {
-        float palmar = material == 0 ? -local_mm.z / 8.0 : -rest_mm.z / 25.0 - 0.4;
-        float inner = smoothstep(-0.5, 0.7, palmar);
-        float blotch = noise(rest_mm * 0.07 + seed) + 0.5 * noise(rest_mm * 0.19 + 7.0 * seed);
+        float palmar = material == 0 ? -local_mm.z / 8.0 : -rest_mm.z / 8.0;
+        // at the wrist the palm's colour goes over into the arm's
+        float near_wrist = material == 0 ? smoothstep(-5.0, 35.0, rest_mm.x) : 0.0;
+        float inner = smoothstep(-0.5, 0.7, palmar) * mix(0.35, 1.0, near_wrist);
+        float blotch = slow.x;
         float fine = noise(rest_mm * 0.9 + seed) - 0.5;
-        base = mix(tone, tone_palm, material == 0 ? inner : 0.4 * inner);
+        base = mix(tone, tone_palm, inner);
         base *= 0.86 + 0.16 * blotch + 0.07 * fine;
         float tendon = 0.0;
         if (material == 0) {
@@ -124,7 +127,7 @@ void main() {
             } else if (palmar < 0.0) {
                 tendon = line(local_mm.y, 2.2) * smoothstep(15.0, 35.0, rest_mm.x);
             } else {
-                red = 0.5 * smoothstep(0.2, 1.0, noise(rest_mm * 0.045 + 3.0 * seed));
+                red = 0.5 * smoothstep(0.2, 1.0, slow.z);
             }
             base *= mix(vec3(1.0), vec3(1.06, 0.86, 0.84), red);
             base *= mix(vec3(1.0), vec3(0.60, 0.48, 0.45), 0.75 * crease);
@@ -134,15 +137,16 @@ void main() {
             rough = mix(rough, 0.28, plate);
             n = bumped(n, 0.25 * fine + 0.6 * tendon - 0.45 * crease + 0.25 * plate);
         } else {
-            n = bumped(n, 0.3 * fine + 0.8 * noise(rest_mm * 0.05 + seed));
+            n = bumped(n, 0.3 * fine + 0.8 * slow.z);
         }
     }
     float flesh = material == 2 ? 0.0 : 1.0;
     vec3 sum = vec3(0.0);
     float open = 0.0;
+    float turn = 6.2831 * hash(vec3(gl_FragCoord.xy * 0.37, seed));
     for (int i = 0; i < LIGHTS; ++i) {
         vec3 l = -light_direction[i];
-        float shade = lit(i, n);
+        float shade = lit(i, n, turn);
         float c = dot(n, l);
         // light that enters the skin comes out around the terminator, red first
         vec3 wrap = flesh * vec3(0.32, 0.14, 0.09);

@@ -1,0 +1,67 @@
+"""python -m tools.bench.rendered make|study|look: make clips, measure methods on them, see them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import handtrack as ht
+from tools.bench.rendered.build import ROOT, Plan, found_share, make, plans, plans_of
+from tools.bench.rendered.layout import write
+
+DATA = ROOT / "tests" / "data" / "rendered"
+SPLITS = ("tune", "holdout")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one of the commands; 2 where input or arguments are wrong."""
+    parser = argparse.ArgumentParser(prog="python -m tools.bench.rendered", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+    making = commands.add_parser("make", help="draw the clips and let MediaPipe see them")
+    making.add_argument("splits", nargs="*", choices=[*SPLITS, []], help="both by default")
+    making.add_argument("--motion", type=Path, nargs="+", metavar="FILE", help="joints to move as")
+    making.add_argument("-o", "--out", type=Path, default=DATA, help="folder")
+    making.add_argument("--cameras", type=int, choices=(1, 2, 3, 4), default=3)
+    looking = commands.add_parser("look", help="draw some pictures into one file")
+    looking.add_argument("out", type=Path, metavar="OUT.png")
+    looking.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2, 3])
+    options, rest = parser.parse_known_args(arguments)
+    try:
+        if options.command == "make":
+            _make(options)
+        elif options.command == "look":
+            from tools.bench.rendered.sheet import sheet
+
+            sheet(options.out, options.seeds)
+    except ht.HandtrackError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+def _make(options: argparse.Namespace) -> None:
+    wanted: list[tuple[str, Plan]] = []
+    for path in options.motion or ():
+        wanted += [("motion", plan) for plan in plans_of(path)]
+    for split in () if options.motion else options.splits or SPLITS:
+        wanted += [(split, plan) for plan in plans(split)]
+    from handtrack.video.detector import MediaPipeDetector
+    from tools.bench.rendered.raster import Raster
+    from tools.bench.rendered.rig import SIZE
+
+    raster = Raster(SIZE)
+    for folder, plan in wanted:
+        path = options.out / folder / f"{plan.name}.npz"
+        if path.exists():
+            print(f"{path}: is there already")
+            continue
+        path.parent.mkdir(parents=True, exist_ok=True)
+        clip = make(plan, raster, lambda: MediaPipeDetector(hands=1), options.cameras)
+        write(path, clip)
+        share = " ".join(f"{100 * x:.0f}" for x in found_share(clip))
+        print(f"{path}: {len(clip.time_ns)} frames, right hand found in {share} %", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
