@@ -6,9 +6,9 @@ import argparse
 import sys
 from pathlib import Path
 
-import handtrack as ht
+from handtrack.errors import HandtrackError, SettingsError
 from tools.bench.rendered.build import ROOT, Plan, found_share, make, plans, plans_of
-from tools.bench.rendered.layout import write
+from tools.bench.rendered.layout import read_folder, write
 
 DATA = ROOT / "tests" / "data" / "rendered"
 SPLITS = ("tune", "holdout")
@@ -19,14 +19,20 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.bench.rendered", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
     making = commands.add_parser("make", help="draw the clips and let MediaPipe see them")
-    making.add_argument("splits", nargs="*", choices=[*SPLITS, []], help="both by default")
+    making.add_argument("splits", nargs="*", metavar="SPLIT", help="tune, holdout; both by default")
     making.add_argument("--motion", type=Path, nargs="+", metavar="FILE", help="joints to move as")
     making.add_argument("-o", "--out", type=Path, default=DATA, help="folder")
     making.add_argument("--cameras", type=int, choices=(1, 2, 3, 4), default=3)
     looking = commands.add_parser("look", help="draw some pictures into one file")
     looking.add_argument("out", type=Path, metavar="OUT.png")
     looking.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2, 3])
-    options, rest = parser.parse_known_args(arguments)
+    studying = commands.add_parser("study", help="measure raw, smoothed, fitted and filtered")
+    studying.add_argument("paths", nargs="*", type=Path, metavar="PATH", help="clips, or folders")
+    studying.add_argument("--holdout", action="store_true", help="the clips that were held out")
+    studying.add_argument("--camera", type=int, default=0, help="which one is one camera")
+    studying.add_argument("--json", type=Path, metavar="OUT", help="write all numbers")
+    studying.add_argument("--quick", action="store_true", help="only the first three clips")
+    options = parser.parse_args(arguments)
     try:
         if options.command == "make":
             _make(options)
@@ -34,10 +40,29 @@ def main(arguments: list[str] | None = None) -> int:
             from tools.bench.rendered.sheet import sheet
 
             sheet(options.out, options.seeds)
-    except ht.HandtrackError as error:
+        else:
+            _study(options)
+    except HandtrackError as error:
         print(error, file=sys.stderr)
         return 2
     return 0
+
+
+def _study(options: argparse.Namespace) -> None:
+    from rich.console import Console
+
+    from tools.bench.rendered.study import say, study, write_json
+
+    paths = options.paths or [DATA / ("holdout" if options.holdout else "tune")]
+    clips = [clip for path in paths for clip in read_folder(path)]
+    console = Console(width=None if Console().is_terminal else 150)
+    with console.status("") as status:
+        rows = study(
+            clips[:3] if options.quick else clips, camera=options.camera, progress=status.update
+        )
+    say(rows, console)
+    if options.json:
+        write_json(rows, options.json)
 
 
 def _make(options: argparse.Namespace) -> None:
@@ -45,6 +70,8 @@ def _make(options: argparse.Namespace) -> None:
     for path in options.motion or ():
         wanted += [("motion", plan) for plan in plans_of(path)]
     for split in () if options.motion else options.splits or SPLITS:
+        if split not in SPLITS:
+            raise SettingsError(f"{split} is no split, expected tune or holdout")
         wanted += [(split, plan) for plan in plans(split)]
     from handtrack.video.detector import MediaPipeDetector
     from tools.bench.rendered.raster import Raster

@@ -23,7 +23,7 @@ MakeDetector = Callable[[], Detector]
 
 ROOT = Path(__file__).resolve().parents[3]
 SAMPLE = ROOT / "recordings" / "sample.npz"
-LENGTHS = (60, 75, 90, 105, 120)
+LENGTHS = (60, 60, 75, 90, 120)
 CAMERAS = 3
 GENERATED = "generated"
 

@@ -14,12 +14,15 @@ C cameras; joints in handtrack's order; metres, radians, pixels, nanoseconds.
 | `world` | (C, T, 21, 3) | detected about the hand's middle, camera's axes (x right, y down) |
 | `score` | (C, T) | of the detection; missing: nothing was found |
 | `label` | (C, T) int8 | the hand it was taken for: 0 none, 1 left, 2 right |
-| `camera_matrix`, `camera_distortion`, `camera_rotation`, `camera_translation`, `camera_size` | (C, ..) | as `handtrack.Camera` has them |
-| `truth_angles`, `truth_rotation`, `truth_translation` | (T, 20), (T, 4) wxyz, (T, 3) | true pose |
+| `camera_matrix`, `camera_distortion` | (C, 3, 3), (C, 8) | as in `handtrack.Camera` |
+| `camera_rotation`, `camera_translation` | (C, 3, 3), (C, 3) | world to camera |
+| `camera_size` | (C, 2) | width and height [px] |
+| `truth_angles` | (T, 20) | true angles, of the default hand of that day |
+| `truth_rotation`, `truth_translation` | (T, 4) wxyz, (T, 3) | true pose of the root frame |
 | `truth_shape`, `truth_rest_joints`, `truth_axes` | (S,), (21, 3), (20, 3) | true hand |
 
-`hand`, `time_ns`, `truth_joints` and at least one of `joints`, `world`, `image` with cameras must be
-there; the rest may be left out, so that output recorded elsewhere is stored in the same way.
+`hand`, `time_ns`, `truth_joints` and at least one of `joints`, `world`, `image` with cameras
+must be there; the rest may be left out, so that output recorded elsewhere is stored likewise.
 """
 
 from __future__ import annotations
@@ -27,17 +30,19 @@ from __future__ import annotations
 import zipfile
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import handtrack as ht
 from handtrack.errors import InputError
+from handtrack.hand.skeleton import HANDS, Hand
 
 Array = NDArray[np.float64]
 
 LABELS = ("none", "left", "right")
-UNITS = {
+UNITS: dict[str, tuple[float, type[np.signedinteger[Any]]]] = {
     "truth_joints": (2.0**-18, np.int32),
     "joints": (2.0**-14, np.int32),
     "image": (2.0**-4, np.int16),
@@ -61,7 +66,7 @@ class Clip:
     """
 
     name: str
-    hand: str
+    hand: Hand
     time_ns: NDArray[np.int64]
     truth_joints: Array
     subject: str = ""
@@ -85,7 +90,7 @@ class Clip:
     truth_axes: Array | None = None
 
     def __post_init__(self) -> None:
-        if self.hand not in ("left", "right"):
+        if self.hand not in HANDS:
             raise InputError(f"{self.name}: hand is {self.hand!r}, expected left or right")
         t = len(self.time_ns)
         c = next((len(x) for x in (self.image, self.world, self.camera_matrix) if x is not None), 0)
@@ -171,7 +176,9 @@ def write(path: Path, clip: Clip) -> None:
     np.savez_compressed(path, **arrays)  # type: ignore[arg-type]
 
 
-def _whole(a: Array, unit: float, kind: type[np.signedinteger], name: str) -> NDArray[np.generic]:
+def _whole(
+    a: Array, unit: float, kind: type[np.signedinteger[Any]], name: str
+) -> NDArray[np.generic]:
     missing = np.isnan(a)
     whole = np.rint(np.where(missing, 0.0, a) / unit)
     if np.abs(whole).max(initial=0) > np.iinfo(kind).max:
@@ -192,7 +199,9 @@ def read(path: Path) -> Clip:
         raise InputError(f"no .npz of detections and truth ({error})", path) from None
     missing = [name for name in NEEDED if name not in arrays]
     if missing:
-        raise InputError(f"{', '.join(missing)} not there; see tools/bench/rendered/layout.py", path)
+        raise InputError(
+            f"{', '.join(missing)} not there; see tools/bench/rendered/layout.py", path
+        )
     values: dict[str, object] = {"name": path.stem}
     for field in fields(Clip):
         if field.name not in arrays:

@@ -6,6 +6,7 @@ A `Motion` says nothing of a subject: angles and a root pose, which any hand of 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation, Slerp
 
 import handtrack as ht
+from handtrack.hand.skeleton import Hand
 
 Array = NDArray[np.float64]
 
@@ -69,7 +71,7 @@ class Motion:
     """
 
     name: str
-    hand: str
+    hand: Hand
     angles: Array
     rotation: Array
     translation: Array
@@ -101,25 +103,27 @@ def minimum_jerk(s: Array) -> Array:
 def generated(rng: np.random.Generator, frames: int, fps: float = FPS) -> Motion:
     """Our own movement of a right hand: from posture to posture, with a turning, wandering arm.
 
-    Fingers set out at times of their own and take 0.25 to 0.9 s; between movements they rest up
-    to 0.6 s. Slow drift and a tremor of 8 to 11 Hz lie on top; angles stay inside the limits.
+    Fingers set out at times of their own and take 0.2 to 0.9 s, and rest between movements. Slow
+    drift and a tremor of 8 to 11 Hz lie on top; angles stay inside the limits.
     """
     time = np.arange(frames) / fps
     limits = ht.HandModel.default("right").limits
-    angles = _performed(time, rng)
+    tempo = rng.uniform(0.8, 1.8)
+    angles = _performed(time, rng, tempo)
     angles += _waves(time, np.tile([0.9, 0.35, 1.0, 0.6], 5), (0.1, 0.7), rng)
     angles += _waves(time, np.full(20, 0.06), (8.0, 11.0), rng)
     angles = np.stack([limits.clamp(a) for a in np.deg2rad(angles)])
     # the forearm stands up, leans and turns about itself; then the wrist bends
-    start, spread = np.concatenate([_drawn_lean(rng), [_drawn_turn(rng)]]), np.array([22, 16, 26])
-    swing = _wander(time, rng, start, spread, (0.5, 1.6))
-    wrist = _wander(time, rng, np.array([-6.0, 0.0]), np.array([20.0, 9.0]), (0.35, 1.0))
+    start, spread = np.concatenate([_drawn_lean(rng), [_drawn_turn(rng)]]), np.array([24, 18, 30])
+    swing = _wander(time, rng, start, spread, (0.45 / tempo, 1.2 / tempo))
+    limp, bends = np.array([-6.0, 0.0]), np.array([20.0, 9.0])
+    wrist = _wander(time, rng, limp, bends, (0.4 / tempo, 0.9 / tempo))
     shake = _waves(time, np.full(5, 0.05), (8.0, 11.0), rng)
     swung = Rotation.from_euler("YXZ", swing + shake[:, :3], degrees=True)
     forearm = swung.as_matrix() @ SHOWN
     bend = Rotation.from_euler("YZ", wrist + shake[:, 3:], degrees=True).as_matrix()
     rotation = forearm @ bend
-    middle = _wander(time, rng, np.zeros(3), REACH_M, (0.5, 1.5))
+    middle = _wander(time, rng, np.zeros(3), REACH_M, (0.45 / tempo, 1.2 / tempo))
     middle += _waves(time, np.full(3, 0.0001), (8.0, 11.0), rng)
     translation = middle - rotation @ np.array([0.09, 0.0, 0.0])
     return Motion("generated", "right", angles, rotation, translation, -forearm[..., 0])
@@ -140,7 +144,7 @@ def _drawn_turn(rng: np.random.Generator) -> float:
     return float(rng.choice([-1, 1]) * rng.uniform(55, 90))
 
 
-def _performed(time: Array, rng: np.random.Generator) -> Array:
+def _performed(time: Array, rng: np.random.Generator, tempo: float) -> Array:
     """(T, 20) degrees: a score of postures, each somewhat its own."""
     now = _varied(rng)
     angles = now[None].repeat(len(time), 0)
@@ -150,12 +154,12 @@ def _performed(time: Array, rng: np.random.Generator) -> Array:
         if rng.random() < 0.3:  # only some fingers
             keep = np.repeat(rng.random(5) < 0.5, 4)
             goal = np.where(keep, now, goal)
-        takes = rng.uniform(0.3, 0.9)
-        late = np.repeat(rng.uniform(0.0, 0.1, 5), 4) + np.tile([0.0, 0.0, 0.02, 0.03], 5)
+        takes = rng.uniform(0.3, 0.8) / tempo
+        late = np.repeat(rng.uniform(0.0, 0.09, 5), 4) + np.tile([0.0, 0.0, 0.02, 0.03], 5)
         own = takes * np.repeat(rng.uniform(0.85, 1.2, 5), 4)
         angles += minimum_jerk((time[:, None] - start - late) / own) * (goal - now)
         now = goal
-        start += takes + 0.15 + rng.exponential(0.2)
+        start += takes + (0.1 + rng.exponential(0.15)) / tempo
     return angles
 
 
@@ -178,7 +182,7 @@ def _wander(
         long = rng.uniform(*takes)
         out += minimum_jerk((time[:, None] - begin) / long) * (goal - now)
         now = goal
-        begin += long * rng.uniform(0.7, 1.3) + rng.exponential(0.15)
+        begin += long * rng.uniform(0.7, 1.3) + rng.exponential(0.1)
     return out
 
 
@@ -204,9 +208,7 @@ def tracked(path: Path) -> list[Motion]:
     for sequence in ht.load(path):
         if sequence.truth is not None:
             clean = sequence.truth
-            sequence = ht.Sequence(
-                sequence.time_ns, clean, hand=sequence.hand, name=sequence.name
-            )
+            sequence = ht.Sequence(sequence.time_ns, clean, hand=sequence.hand, name=sequence.name)
         track = ht.track(sequence, filter="rts")
         for good in _stretches(track.status):
             time = track.time_ns[good] * 1e-9
@@ -223,10 +225,10 @@ def tracked(path: Path) -> list[Motion]:
     return motions
 
 
-def _stretches(status: Array) -> list[slice]:
+def _stretches(status: NDArray[np.str_]) -> list[slice]:
     """Runs of at least two seconds' frames that were not lost."""
     lost = np.flatnonzero(np.concatenate([[True], np.asarray(status) == "lost", [True]]))
-    runs = [slice(int(a), int(b) - 1) for a, b in zip(lost[:-1], lost[1:], strict=True)]
+    runs = [slice(int(a), int(b) - 1) for a, b in pairwise(lost)]
     return [run for run in runs if run.stop - run.start >= 2 * FPS]
 
 

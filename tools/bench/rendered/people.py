@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import handtrack as ht
-
+from handtrack.hand.skeleton import HANDS, Hand
 from tools.bench.rendered.raster import Lights
 
 Array = NDArray[np.float64]
@@ -24,7 +24,14 @@ _TONES = (
     ((104, 70, 52), (176, 128, 108)),
     ((80, 56, 45), (160, 116, 100)),
 )
-_CLOTHS = ((40, 44, 60), (120, 120, 125), (150, 40, 45), (50, 90, 70), (225, 222, 215), (25, 25, 28))
+_CLOTHS = (
+    (40, 44, 60),
+    (120, 120, 125),
+    (150, 40, 45),
+    (50, 90, 70),
+    (225, 222, 215),
+    (25, 25, 28),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +50,7 @@ class Subject:
     """
 
     name: str
-    hand: str
+    hand: Hand
     shape: Array
     tone: Array
     tone_palm: Array
@@ -57,7 +64,7 @@ class Subject:
     @property
     def model(self) -> ht.HandModel:
         """The subject's hand."""
-        return ht.HandModel.default("left" if self.hand == "left" else "right", shape=self.shape)
+        return ht.HandModel.default(self.hand, shape=self.shape)
 
 
 def linear(srgb: object) -> Array:
@@ -74,7 +81,7 @@ def subject(number: int) -> Subject:
     sleeved = rng.random() < 0.6
     return Subject(
         name=f"subject{number:02d}",
-        hand=("right", "left")[(number // 2) % 2],
+        hand=HANDS[1 - (number // 2) % 2],
         shape=shape,
         tone=back * vary,
         tone_palm=palm * vary,

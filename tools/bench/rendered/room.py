@@ -61,7 +61,9 @@ def room(rng: np.random.Generator) -> Mesh:
         colour = rng.uniform(0.05, 0.7) * rng.uniform(0.4, 1.0, 3)
         if kind == 0:  # shelf of books against the wall
             w, h = rng.uniform(0.6, 1.3), rng.uniform(0.8, 2.0)
-            things.append(_box(np.array([x, back - 0.3, -1.2]), np.array([w, 0.3, h]), colour, BOOKS))
+            things.append(
+                _box(np.array([x, back - 0.3, -1.2]), np.array([w, 0.3, h]), colour, BOOKS)
+            )
         elif kind == 1:  # window or lamp
             w, h = rng.uniform(0.3, 1.1), rng.uniform(0.4, 1.1)
             glow = rng.uniform(0.5, 1.2) * np.array([0.95, 0.98, 1.0])

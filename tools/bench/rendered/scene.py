@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 import handtrack as ht
-
 from tools.bench.rendered.motion import Motion
 from tools.bench.rendered.people import Subject, exposed, lights
 from tools.bench.rendered.raster import Mesh, Raster
@@ -40,7 +39,7 @@ class Scene:
         self._pattern = skin_pattern(person.hand)
         self._scale = self._model.size / ht.HandModel.default("right").size
         self._lights = exposed(lights(self._rng), person)
-        self._blur = self._rng.uniform(0.35, 0.8)
+        self._blur = self._rng.uniform(0.5, 0.95)
         noise = self._rng.uniform(1.0, 3.0)
         self._store = noise * self._rng.standard_normal(4_000_000, dtype=np.float32)
         self._says = {
@@ -59,7 +58,9 @@ class Scene:
         self._backdrops = []
         for camera in cameras:
             sharp = raster.draw(raster.room, camera, [(furniture, {})], self._lights, says)
-            self._backdrops.append(gaussian_filter(sharp[..., :3].astype(np.float32), (soft, soft, 0)))
+            self._backdrops.append(
+                gaussian_filter(sharp[..., :3].astype(np.float32), (soft, soft, 0))
+            )
 
     def meshes(self, motion: Motion, frame: int) -> list[tuple[Mesh, dict[str, object]]]:
         """Hand, forearm and sleeve of a frame."""
@@ -99,7 +100,7 @@ class Scene:
             picture[box] += part[..., :3]
             picture[box] = gaussian_filter(picture[box], (self._blur, self._blur, 0), truncate=3.0)
         picture += self._grain(picture)
-        return np.clip(picture + 0.5, 0, 255).astype(np.uint8)
+        return np.asarray(np.clip(picture + 0.5, 0, 255), dtype=np.uint8)
 
     def _grain(self, picture: NDArray[np.float32]) -> NDArray[np.float32]:
         """Noise, more where there is light, from a store of it."""

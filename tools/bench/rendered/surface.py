@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 import handtrack as ht
-
+from handtrack.hand.skeleton import Hand
 from tools.bench.rendered.raster import Mesh
 
 Array = NDArray[np.float64]
@@ -28,7 +28,8 @@ def vertex_normals(vertices: Array, faces: NDArray[np.int32]) -> Array:
     across = np.cross(b - a, c - a)
     n = len(faces)
     ones, columns = np.ones(3 * n), np.repeat(np.arange(n), 3)
-    sums = sparse.csr_matrix((ones, (faces.ravel(), columns)), shape=(len(vertices), n)) @ across
+    touches = sparse.csr_matrix((ones, (faces.ravel(), columns)), shape=(len(vertices), n))
+    sums = np.asarray(touches @ across)
     return np.asarray(sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-12))
 
 
@@ -51,9 +52,9 @@ class SkinPattern:
     half: Array
 
 
-def skin_pattern(hand: str) -> SkinPattern:
+def skin_pattern(hand: Hand) -> SkinPattern:
     """The pattern of the default hand, "left" or "right"."""
-    mean = ht.HandModel.default("left" if hand == "left" else "right")
+    mean = ht.HandModel.default(hand)
     rest, joints = 1e3 * mean.rest_vertices, 1e3 * mean.rest_joints
     part = mean.weights.argmax(1)
     finger = np.where(part == 0, -1, (part - 1) // 3)
@@ -61,7 +62,9 @@ def skin_pattern(hand: str) -> SkinPattern:
     along, half = np.empty((5, 4)), np.empty(5)
     for f in range(5):
         chain = joints[4 * f + 1 : 4 * f + 5]
-        along[f] = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(chain, axis=0), axis=1))])
+        along[f] = np.concatenate(
+            [[0.0], np.cumsum(np.linalg.norm(np.diff(chain, axis=0), axis=1))]
+        )
         for i in range(3):
             mine = part == 1 + 3 * f + i
             axis = mean.axes[4 * f + (0 if i == 0 else 1 + i)]
@@ -136,13 +139,7 @@ def forearm(
         stand[0] = -1.0
         wide, thick = np.interp(own, back, wide) + stand, np.interp(own, back, thick) + stand
         high, back = np.interp(own, back, high), own
-    # the direction turns from the hand's own to the arm's over 5 cm behind the wrist
-    share = np.clip((back + 6.0) / 48.0, 0.0, 1.0)
-    share = share * share * (3 - 2 * share)
-    ways = (1 - share[:, None]) * -rotation[:, 0] + share[:, None] * arm
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    steps = np.diff(back)[:, None] * 0.5 * (ways[1:] + ways[:-1])
-    middle = back[0] * -rotation[:, 0] + np.concatenate([np.zeros((1, 3)), np.cumsum(steps, 0)])
+    middle, ways = _spine(rotation, arm, back)
     side = rotation[:, 1] - (ways @ rotation[:, 1])[:, None] * ways
     side /= np.linalg.norm(side, axis=1, keepdims=True)
     up = np.cross(side, ways)
@@ -163,7 +160,25 @@ def forearm(
     return Mesh(vertices, normals.reshape(-1, 3), faces, rest, zeros, np.full(len(rest), -1.0))
 
 
+def _spine(rotation: Array, arm: Array, back: Array) -> tuple[Array, Array]:
+    """Where the arm's middle is behind the wrist [mm], and which way it goes on, both (n, 3).
+
+    The direction turns from the hand's own to the arm's over 5 cm.
+    """
+    dense = np.union1d(_BACK_MM, np.arange(_BACK_MM[0], 60.0, 4.0))
+    share = np.clip((dense + 6.0) / 48.0, 0.0, 1.0)
+    share = share * share * (3 - 2 * share)
+    ways = (1 - share[:, None]) * -rotation[:, 0] + share[:, None] * arm
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    steps = np.diff(dense)[:, None] * 0.5 * (ways[1:] + ways[:-1])
+    middle = dense[0] * -rotation[:, 0] + np.concatenate([np.zeros((1, 3)), np.cumsum(steps, 0)])
+    at = [np.stack([np.interp(back, dense, c) for c in x.T], 1) for x in (middle, ways)]
+    return at[0], at[1] / np.linalg.norm(at[1], axis=1, keepdims=True)
+
+
 def _grid(rows: int, columns: int) -> NDArray[np.int32]:
     i = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = i[:-1, :-1], i[:-1, 1:], i[1:, 1:], i[1:, :-1]
-    return np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3).astype(np.int32)
+    return (
+        np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3).astype(np.int32)
+    )
