@@ -14,6 +14,7 @@ from typing import Any
 import click
 
 from handtrack import __version__
+from handtrack.cli.streams import STOPPED, stopping, usable_streams
 from handtrack.errors import HandtrackError, InputError, ModelError, SettingsError
 
 COMMANDS = (
@@ -25,6 +26,7 @@ COMMANDS = (
 
 def main() -> None:
     """Run the command line and exit: 0 done, 1 the job failed, 2 input or arguments are wrong."""
+    usable_streams()
     # NumPy is not loaded yet; on matrices as small as ours threads only wait for one another,
     # on a busy machine ten times as long as the work takes
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
@@ -34,7 +36,7 @@ def main() -> None:
 
 def run(arguments: list[str]) -> int:
     """Run one command and return its exit status; what goes wrong is one line on stderr."""
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), stopping():
         warnings.showwarning = _show_warning  # type: ignore[assignment]
         try:
             return int(cli.main(arguments or ["--help"], "handtrack", standalone_mode=False) or 0)
@@ -54,6 +56,10 @@ def run(arguments: list[str]) -> int:
         except (click.Abort, KeyboardInterrupt):
             click.echo("stopped", err=True)
             return 1
+        except SystemExit as left:
+            if left.code == STOPPED:
+                click.echo("stopped", err=True)
+            raise
 
 
 def _failed(message: str, status: int) -> int:

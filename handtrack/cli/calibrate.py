@@ -63,12 +63,14 @@ def calibrate(
     the axes are shared, and lengths may drift a little from one sequence to the next. Use the
     result with `handtrack track --hand-model hand.json`.
     """
-    check_target(output, ".json", "-o")
+    check_target(output, ".json", "-o", inputs)
     given = dict(options)
     models = take_models(options, limits)
     mano = {name: given[name] for name in ("mano", "mano_tips")}
     reading = Reading(**options, **mano)
     sequences = [s for path in inputs for s in reading.load(path, quiet or as_json)]
+    # those of a folder
+    check_target(output, ".json", "-o", [Path(s.source) for s in sequences if s.source])
     _check_one_subject(sequences)
     with compiling_said(quiet or as_json):
         from handtrack.fitting.bcd import warm_up

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -50,16 +51,15 @@ def jobs(
     if output is None:
         # those of a folder stay together
         output = RECORDINGS / source.resolve().name if len(groups) > 1 else RECORDINGS
+    sources = [Path(sequence.source) for sequence in sequences if sequence.source]
     names = _names([source] if together else [Path(file) for file in groups])
     made = []
     for name, group in zip(names, groups.values(), strict=True):
         mcap = output / f"{name}.mcap" if _is_folder(output) else output
-        check_target(mcap, ".mcap", "-o")
+        check_target(mcap, ".mcap", "-o", sources)
         shown = rrd / f"{name}.rrd" if rrd is not None and _is_folder(rrd) else rrd
         if shown is not None:
             check_target(shown, ".rrd", "--rrd")
-        if any(mcap.resolve() == Path(s.source).resolve() for s in group):
-            raise SettingsError(f"{mcap} is the input: give the new recording a name with -o")
         made.append(Job(group, mcap, shown))
     return made
 
@@ -108,13 +108,24 @@ class Stretches:
         self.seconds += time.perf_counter() - start
 
 
-def check_target(path: Path, suffix: str, option: str) -> None:
+def check_target(path: Path, suffix: str, option: str, inputs: Iterable[Path] = ()) -> None:
     """Refuse a file that cannot be written, before the work begins.
 
+    Args:
+        path: the file.
+        suffix: what its name must end in.
+        option: that it was given by.
+        inputs: files that are read, which it may not take the place of.
+
     Raises:
-        SettingsError: it is a folder, its name does not end in the suffix, or its folder can
-            be neither made nor written to.
+        SettingsError: it is a folder or an input, its name does not end in the suffix, or its
+            folder can be neither made nor written to.
     """
+    for given in inputs if path.exists() else ():
+        if given.exists() and path.samefile(given):
+            raise SettingsError(
+                f"{path} is the input: give the new file another name with {option}"
+            )
     if path.is_dir():
         raise SettingsError(f"{path} is a folder, expected the name of a file to write")
     if path.suffix != suffix:

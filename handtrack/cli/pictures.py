@@ -49,7 +49,8 @@ def check_overlay(path: Path, pictures: list[Seen], source: Path) -> None:
         raise SettingsError(f"--overlay: {source} is neither a video nor an image")
     if path.suffix not in (".mp4", ".png"):
         raise SettingsError(f"--overlay {path}: expected a name that ends in .mp4 or .png")
-    check_target(path, path.suffix, "--overlay")
+    read = [source, *(Path(seen.source) for seen in pictures)]
+    check_target(path, path.suffix, "--overlay", read)
 
 
 def from_cameras(

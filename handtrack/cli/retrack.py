@@ -19,7 +19,6 @@ from handtrack.cli.options import (
 )
 from handtrack.cli.outputs import check_target
 from handtrack.cli.progress import compiling_said
-from handtrack.errors import SettingsError
 
 
 @click.command(short_help="Track the input of a recording again.")
@@ -48,9 +47,7 @@ def retrack(file: Path, output: Path, as_json: bool, quiet: bool, **options: Any
     tracking = take_tracking(options)
     models = take_models(options, tracking["limits"])
     settings = {name: value for name, value in tracking.items() if name in given - {"limits"}}
-    check_target(output, ".mcap", "-o")
-    if output.exists() and file.exists() and output.samefile(file):
-        raise SettingsError(f"{output} is the input: give the new recording another name")
+    check_target(output, ".mcap", "-o", [file])
     tracks = []
     with compiling_said(quiet or as_json):
         for stored in ht.read_mcap(file):

@@ -15,6 +15,7 @@ from handtrack.cli.models import mano_options
 from handtrack.cli.options import json_option
 from handtrack.cli.outputs import check_target
 from handtrack.errors import SettingsError
+from handtrack.files.whole import whole_file
 
 if TYPE_CHECKING:
     from handtrack.evaluation.results import StabilityReport
@@ -71,12 +72,13 @@ def stability(
     """
     from handtrack.evaluation.report import print_comparison, print_table, to_json
 
-    for path, suffix, option in ((csv, ".csv", "--csv"), (latex, ".tex", "--latex")):
-        if path is not None:
-            check_target(path, suffix, option)
-    if html is not None:
-        check_target(html, ".html", "--html")
     methods = _methods(files, compare)
+    read = [path for paths in methods.values() for path in paths]
+    read += [] if truth is None else [truth]
+    targets = ((csv, ".csv", "--csv"), (latex, ".tex", "--latex"), (html, ".html", "--html"))
+    for path, suffix, option in targets:
+        if path is not None:
+            check_target(path, suffix, option, read)
     given = Reading(**reading)
     truths = None if truth is None else Truths.load(truth, given)
     measured = {name: _measured(paths, truths, given, match) for name, paths in methods.items()}
@@ -95,7 +97,8 @@ def stability(
         click.echo(to_json(report))
     for path, write in _files(csv, latex, html):
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(write(report), encoding="utf-8")
+        with whole_file(path) as part:
+            part.write_text(write(report), encoding="utf-8")
         click.echo(f"wrote {path}", err=as_json)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import IO
 
 from handtrack.errors import HandtrackError, InputError
+from handtrack.files.whole import stamp, take_name
 
 _SYNC_S = 1.0
 
@@ -34,7 +35,7 @@ class PartFile:
             raise InputError("is a folder, expected the name of a file to write", path)
         if not path.parent.is_dir():
             raise InputError(f"cannot be written: there is no folder {path.parent}", path)
-        self.path = path
+        self.path, self._before = path, stamp(path)
         self.part, self.stream = _opened(path)
         self._syncing: threading.Thread | None = None
         self._synced = time.monotonic()
@@ -69,11 +70,12 @@ class PartFile:
 
         Raises:
             OSError: that failed; the part stays.
+            HandtrackError: something else has written the file meanwhile; the part stays.
         """
         self.stream.flush()
         os.fsync(self.stream.fileno())
         self.close()
-        self.part.replace(self.path)
+        take_name(self.part, self.path, self._before)
 
     def close(self) -> None:
         """Close the file and leave it under the name it has."""

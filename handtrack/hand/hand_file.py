@@ -7,7 +7,6 @@ subject's joints. Of MANO only the user's file and the shape coefficients are na
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError, ModelError, shown
 from handtrack.files.texts import read_json
+from handtrack.files.whole import whole_file
 from handtrack.hand.limits import Limits
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import reshaped
@@ -75,6 +75,7 @@ def save_hand(
 
     Raises:
         ModelError: an unknown base, or one that needs its file without it.
+        HandtrackError: writing failed.
     """
     path = Path(path)
     if base not in BASES:
@@ -99,12 +100,8 @@ def save_hand(
     }
     text = json.dumps(content, indent=1, allow_nan=False) + "\n"
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
     return path
 
 

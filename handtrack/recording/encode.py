@@ -41,8 +41,12 @@ def hand_message(track: Track) -> bytes:
     """handtrack.Hand: all of a Track that doesn't change.
 
     Raises:
-        SettingsError: the settings are not plain JSON values.
+        SettingsError: the settings are not plain JSON values, or the model is the other hand's.
     """
+    if track.hand != track.model.hand:
+        raise SettingsError(
+            f"{track.name} is a {track.hand} hand with a {track.model.hand} hand's model"
+        )
     try:
         settings = json.dumps(dict(track.settings))
     except (TypeError, ValueError) as error:

@@ -6,21 +6,21 @@ import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from handtrack.errors import HandtrackError, InputError, SettingsError
+from handtrack.errors import HandtrackError, SettingsError
 from handtrack.files.growing import PartFile
 from handtrack.hand.model import HandModel
-from handtrack.hand.skeleton import N_JOINTS
 from handtrack.recording.mesh_choice import MeshChoice
+from handtrack.recording.waiting import Slot, Waiting
 from handtrack.recording.write import CHUNK_BYTES, Choices, HandWriter, RecordingWriter
 from handtrack.tracking.track import Event, Track
-from handtrack.tracking.tracker import TrackedFrame, track_of_frames
+from handtrack.tracking.tracker import TrackedFrame
 
 KEPT_NS = 1_000_000_000
 """So much time may at most wait in memory, recorded or real [ns]."""
@@ -86,15 +86,15 @@ class McapRecorder:
         sides = list(hands) or [(n, m.hand) for n, m in zip(names, models, strict=True)]
         about = {"settings": dict(settings or {}), "source": source, "subject": subject}
         self._waiting = [
-            _Waiting(models[i] if models else None, name, about)
-            for i, (name, _) in enumerate(sides)
+            Waiting(models[i] if models else None, name, about) for i, (name, _) in enumerate(sides)
         ]
         self._hands, self._start_ns = sides, start_ns
         self._file = PartFile(Path(path))
         self._writer: RecordingWriter | None = None
         self._writers: dict[int, HandWriter] = {}
         self._since = time.monotonic()
-        self._open, self._writing = True, False
+        self._open, self._writing, self._failed = True, False, ""
+        self._slots = [Slot(*side, sides) for side in sides]
 
     @property
     def path(self) -> Path:
@@ -136,11 +136,11 @@ class McapRecorder:
             truth: (21, 3) true joints [m]; with all frames of a hand or with none.
 
         Raises:
-            InputError: truth has another shape, or is missing.
+            InputError: the frame is of another hand, or truth has another shape or is missing.
             SettingsError: time does not increase, or the recorder is closed.
             HandtrackError: writing failed (a full disk).
         """
-        self._check_open()
+        self._check_open(hand)
         self._waiting[hand].add(frame, frame_index, truth)
         waits = self._waiting[hand]
         late = frame.time_ns - waits.frames[0].time_ns >= KEPT_NS * 0.9
@@ -150,23 +150,29 @@ class McapRecorder:
             self.flush()
 
     def event(self, event: Event, hand: int = 0) -> None:
-        """Record that something happened; it is written with the hand's next frame."""
-        self._check_open()
+        """Record that something happened; it is written with the hand's next frame, or at last.
+
+        Of a hand that never has a frame nothing is written.
+        """
+        self._check_open(hand)
         self._waiting[hand].events.append(event)
 
     def add(self, part: Track, hand: int = 0) -> None:
         """Record the next frames of a hand: a track, or a stretch of one.
 
         Raises:
+            InputError: it is of another hand than those before it, or than the recorder's.
             SettingsError: time does not increase, or the recorder is closed.
             HandtrackError: writing failed (a full disk).
         """
-        self._check_open()
+        self._check_open(hand)
+        self._slots[hand].check(part)
         with self._telling():
             writer, file = self._begun(part), self._file
             if hand not in self._writers:
                 first = int(part.time_ns[0]) if len(part) else 0
                 self._writers[hand] = writer.hand(hand, part, first)
+            self._slots[hand].take(part)
             messages = self._writers[hand].messages(part)
             self._writers[hand].summary.add(part)
             writer.add(messages)
@@ -187,14 +193,19 @@ class McapRecorder:
             The file.
 
         Raises:
-            HandtrackError: writing failed (a full disk); the part stays.
+            HandtrackError: writing failed (a full disk), now or before, or something else has
+                written the file meanwhile; the part stays.
         """
         if self._open:
             self.flush()
+            self._last_events()
             with self._telling():
                 self._begun(None).finish()
+                # nothing more can come, whatever becomes of the name
+                self._open = False
                 self._file.complete()
-            self._open = False
+        elif self._failed:
+            raise HandtrackError(self._failed)
         return self.path
 
     def stop(self) -> None:
@@ -236,9 +247,18 @@ class McapRecorder:
     def _kept(self) -> str:
         return f"{self.frames:,} frame{'s' * (self.frames != 1)}"
 
-    def _check_open(self) -> None:
+    def _check_open(self, hand: int = 0) -> None:
         if not self._open:
             raise SettingsError(f"{self.path}: the recording is closed")
+        if not 0 <= hand < len(self._slots):
+            raise SettingsError(f"{self.path}: hand {hand} of {len(self._slots)}, from 0 on")
+
+    def _last_events(self) -> None:
+        """What was said of hands after their last frames."""
+        for hand, (waits, slot) in enumerate(zip(self._waiting, self._slots, strict=True)):
+            if waits.events and slot.head is not None:
+                self.add(replace(slot.head, events=tuple(waits.events)), hand)
+                waits.events = []
 
     def _write_waiting(self, hand: int) -> None:
         waits = self._waiting[hand]
@@ -271,61 +291,14 @@ class McapRecorder:
             raise
         except OSError as error:
             self._open = False
-            failed = f"{self.path}: cannot be written: {error.strerror or error}"
+            self._failed = f"{self.path}: cannot be written: {error.strerror or error}"
             if not self.frames:
                 self._file.remove()
-                raise HandtrackError(failed) from error
+                raise HandtrackError(self._failed) from error
             self._file.close()
-            raise HandtrackError(
-                f"{failed}; {self.part} holds the {self._kept} until then,"
+            self._failed += (
+                f"; {self.part} holds the {self._kept} until then,"
                 " 'handtrack recover' makes a recording of it"
-            ) from error
+            )
+            raise HandtrackError(self._failed) from error
         self._writing = False
-
-
-class _Waiting:
-    """Frames of a hand that are not written yet, and what does not change of it."""
-
-    def __init__(self, model: HandModel | None, name: str, about: Mapping[str, Any]) -> None:
-        self.model, self._name, self._about = model, name, about
-        self.frames: list[TrackedFrame] = []
-        self.events: list[Event] = []
-        self._indexes: list[int] = []
-        self._truth: list[Any] = []
-        self._next = 0
-        self._last_ns: int | None = None
-        self._has_truth: bool | None = None
-
-    def add(self, frame: TrackedFrame, index: int | None, truth: ArrayLike | None) -> None:
-        if self.model is None:
-            raise SettingsError("frames need a hand model: give it to the recorder")
-        if self._last_ns is not None and frame.time_ns <= self._last_ns:
-            raise SettingsError(f"time of {self._name} does not increase")
-        if self._has_truth not in (None, truth is not None):
-            raise InputError("true joints are given with all frames of a hand, or with none")
-        if truth is not None:
-            joints = np.array(truth, np.float64)
-            if joints.shape != (N_JOINTS, 3):
-                raise InputError(f"truth has shape {joints.shape}, expected (21, 3)")
-            self._truth.append(joints)
-        self._has_truth = truth is not None
-        self.frames.append(frame)
-        self._last_ns = frame.time_ns
-        self._indexes.append(self._next if index is None else index)
-        self._next = self._indexes[-1] + 1
-
-    def take(self, model: HandModel) -> Track:
-        """The frames as a track; none is left."""
-        part = track_of_frames(
-            self.frames,
-            model,
-            self._about["settings"],
-            name=self._name,
-            frame_index=self._indexes,
-            truth=np.array(self._truth) if self._has_truth else None,
-            source=self._about["source"],
-            subject=self._about["subject"],
-            events=self.events,
-        )
-        self.frames, self.events, self._indexes, self._truth = [], [], [], []
-        return part
