@@ -172,8 +172,8 @@ def _timed(b: Brought, time: str) -> Brought:
             t[20:] -= 0.4
         values = t.tolist()
     name = "frame" if time == "frame" else "time"
-    other = None if b.other is None else b.other.but(times=values, time_name=name)
-    fps = None if time in ("numbers",) else FPS
+    fps = None if time in ("numbers", "frame") else FPS
+    other = None if b.other is None else b.other.but(times=values, time_name=name, fps=fps)
     return b.but(times=values, time_name=name, fps=fps, other=other)
 
 

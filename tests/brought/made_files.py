@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from made_hands import Brought
-from made_names import titles
+from made_hands import FPS, Brought
+from made_names import NAMES, titles
 from mcap.writer import Writer
 
 # ---- numbers as text ----
@@ -90,7 +90,7 @@ def csv(
         title += head
     digits = 3 if "mm" in unit else 6
     if b.confidence is not None:
-        title += [h.replace("x", "confidence") for h in head[::3]]
+        title += [f"{n}_confidence" for n in NAMES[names]]
     for t in range(len(b.joints)):
         for one in [b] if blocks else b.each():
             row = [str(one.times[t])] if one.times is not None else []
@@ -268,7 +268,7 @@ def leap(path: Path, b: Brought) -> Path:
                 finger = dict(zip(fields, points, strict=True))
                 frame["pointables"].append(finger | {"handId": number, "type": f})
         frames.append(frame)
-    path.write_text(json.dumps({"frames": frames, "metadata": {"frameRate": 30}}))
+    path.write_text(json.dumps({"frames": frames, "metadata": {"frameRate": FPS}}))
     return path
 
 
@@ -327,7 +327,7 @@ def mcap(path: Path, b: Brought, how: str = "joints", start: int = 1_700_000_000
         topics = [writer.register_channel(f"/hand/{one.label}", "json", schema) for one in b.each()]
         for t in range(len(b.joints)):
             for one, topic in zip(b.each(), topics, strict=True):
-                stamp = start * 10**9 + round(t * 1e9 / 30)
+                stamp = start * 10**9 + round(t * 1e9 / FPS)
                 data = json.dumps(_message(one, t, how)).encode()
                 writer.add_message(topic, stamp, data, stamp)
         writer.finish()

@@ -12,7 +12,8 @@ from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import ORDERS
 from tools.make import sample as make_sample
 
-FPS = 30.0
+FPS = 25.0
+"""Of files with a clock; not what is assumed of the others."""
 FRAMES = 45
 NOISE_M = 0.0003
 
@@ -68,7 +69,7 @@ class Brought:
     label: Any = None
     times: list[Any] | None = None
     time_name: str = "time"
-    fps: float | None = FPS
+    fps: float | None = None
     mark: float | None = None
     confidence: np.ndarray | None = None
     other: Brought | None = None
@@ -194,7 +195,7 @@ def timed(b: Brought, name: str, start: float = 0.0, per_second: float = 1.0) ->
         if per_second == 1e9:
             exact = np.round(seconds(one) * 1e9).astype(np.int64) + int(start * 1e9)
             times = [int(v) for v in exact]
-        return one.but(times=times, time_name=name)
+        return one.but(times=times, time_name=name, fps=FPS)
 
     return every(b, change)
 

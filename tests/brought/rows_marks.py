@@ -102,7 +102,8 @@ ROWS.add("marks", "confidence 0 csv", doubtful, csv, names="handtrack", column="
 for cells in ("NaN", "nan", "NA", "N/A", "#N/A", "null", "None", "-", "NULL", "--", "n.a."):
 
     def into(text: str, word: str = cells) -> str:
-        return "\n".join(",".join(c or word for c in line.split(",")) for line in text.split("\n"))
+        lines = text.strip().split("\n")
+        return "\n".join(",".join(c or word for c in line.split(",")) for line in lines) + "\n"
 
     ROWS.text("marks", f"csv cells {cells}", missing(right, None), into, csv)
 ROWS.text(

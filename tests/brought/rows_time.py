@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from made_files import csv, json_object, jsonl, leap, mcap, npz, sides
-from made_hands import Brought, both, brought, scaled, seconds, timed
+from made_hands import FPS, Brought, both, brought, scaled, seconds, timed
 from rows import DOUBT, RIGHT, Table
 
 ROWS = Table()
@@ -65,12 +65,12 @@ ROWS.add(
     leap,
     "a.json",
 )
-ROWS.add("time", "mcap of 1970", right, mcap, "a.mcap", start=0)
+ROWS.add("time", "mcap of 1970", right.but(fps=FPS), mcap, "a.mcap", start=0)
 
 
 def moved(change, name: str = "time", b: Brought = right) -> Brought:
     """Times [s] as a clock gives them that is not right."""
-    return b.but(times=[float(v) for v in change(seconds(b))], time_name=name)
+    return b.but(times=[float(v) for v in change(seconds(b))], time_name=name, fps=FPS)
 
 
 def set_back(t: np.ndarray) -> np.ndarray:
@@ -106,8 +106,8 @@ CLOCKS = {
     "rounded to 100 ms": (lambda t: np.round(t, 1), DOUBT, "repeat|same|round"),
     "rounded to seconds": (lambda t: np.floor(t), DOUBT, "repeat|same|round|fps"),
     "all the same": (lambda t: t * 0 + 5, DOUBT, "same|fps"),
-    "a jump of a year": (jump, RIGHT, "jump|gap|clock"),
-    "a gap of ten minutes": (gap, RIGHT, "gap|jump|without frames"),
+    "a jump of a year": (jump, RIGHT, "jump|gap|clock|no frames"),
+    "a gap of ten minutes": (gap, RIGHT, "gap|jump|no frames"),
     "one missing": (hole, DOUBT, "time"),
     "frame numbers": (lambda t: np.arange(len(t)), DOUBT, "frame|fps"),
     "negative": (lambda t: t - 100.0, RIGHT, ""),
@@ -125,6 +125,7 @@ for word, (change, expect, says) in CLOCKS.items():
 
 # frame numbers where the file gives them
 numbers = right.but(times=[2 * i for i in range(45)], time_name="frame", fps=15.0)
+# of 30 frames/s, as assumed
 ROWS.add("time", "csv every second frame number", numbers, csv)
 ROWS.add("time", "csv frame numbers from 1", numbers.but(times=list(range(1, 46)), fps=30.0), csv)
 ROWS.add(
@@ -143,29 +144,22 @@ for word, texts in {
     ROWS.add(
         "time",
         f"csv text {word}",
-        right.but(times=texts, time_name="timestamp"),
+        right.but(times=texts, time_name="timestamp", fps=FPS),
         csv,
-        "a.csv",
-        DOUBT,
-        "time",
     )
 ros = [{"sec": int(v), "nanosec": int(v % 1 * 1e9)} for v in seconds(right) + 1.7e9]
 ROWS.add(
     "time",
     "jsonl ROS stamp",
-    right.but(times=ros, time_name="stamp"),
+    right.but(times=ros, time_name="stamp", fps=FPS),
     jsonl,
     "a.jsonl",
-    DOUBT,
-    "stamp|time",
 )
 words = [str(v) for v in seconds(right)]
 ROWS.add(
     "time",
     "jsonl numbers as text",
-    right.but(times=words, time_name="time"),
+    right.but(times=words, time_name="time", fps=FPS),
     jsonl,
     "a.jsonl",
-    DOUBT,
-    "time",
 )
