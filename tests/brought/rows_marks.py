@@ -25,7 +25,7 @@ from made_files import (
     panoptic,
     sides,
 )
-from made_hands import both, brought, finger_missing, late, missing, scaled, timed, unsure
+from made_hands import both, brought, finger_missing, late, missing, ordered, scaled, timed, unsure
 from made_names import NAMES
 from rows import DOUBT, Table
 
@@ -50,7 +50,13 @@ for mark in (None, 0.0, -1.0):
     ROWS.add("marks", f"mcap bones {word}", b, mcap, "a.mcap", how="bones")
     ROWS.add("marks", f"long table {word}", b, long)
     ROWS.add("marks", f"panoptic {word}", scaled(missing(both(), mark), 100), panoptic, "")
-    ROWS.add("marks", f"interhand {word}", scaled(missing(both(), mark), 1e3), interhand, "j.json")
+    ROWS.add(
+        "marks",
+        f"interhand {word}",
+        scaled(ordered(missing(both(), mark), "interhand"), 1e3),
+        interhand,
+        "j.json",
+    )
     ROWS.add("marks", f"dexycb {word}", missing(left, mark), dexycb, "")
     no_wrist = scaled(missing(left, mark), 1e3)
     expected = no_wrist.expected.copy()

@@ -14,12 +14,14 @@ from handtrack.errors import InputError
 from handtrack.sequences.readers.jsontext import as_utf8
 from handtrack.sequences.readers.raw import Array, NotJointsError
 
-MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "#n/a", "nat"}
+MISSING = {"", "nan", "na", "n/a", "n.a.", "null", "none", "-", "--", "#n/a", "nat", "<na>"}
 _QUOTED = "\x1f"
 """Separates cells of which some were quoted: no text holds it."""
 _WORD = re.compile(r"(?i)\b(?:null|none|na|n/a|nat)\b|#n/a|(?<![\d.eE])-(?![\d.])")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _MAX_TITLE_LINES = 4
+# what MATLAB, R, pandas and spreadsheets call columns without names
+_NUMBERED = re.compile(r"(?i)(?:var|v|col|column|feature|f|unnamed: )[_ ]?(\d+)")
 
 
 @dataclass
@@ -161,7 +163,7 @@ def read_cells(data: bytes, path: Path) -> Table:
         if len(said) == len(_cells(body[0], separator)) and not any(map(is_number, said)):
             titles = [said]
     body = _points(body, separator)
-    joined = _joined(titles)
+    joined = _numbered(_joined(titles))
     table = Table(_without_last(body, separator, joined), places, separator, joined, [], path)
     table.first = table.cells(0) if body else []
     return table
@@ -224,7 +226,11 @@ def _unquoted(line: str, separator: str, place: int, path: Path) -> str:
 
 
 def _title_lines(lines: list[str], separator: str | None) -> int:
-    """How many of the first lines are titles."""
+    """How many of the first lines are titles; those in which nothing was seen are none."""
+    begin = next((n for n, line in enumerate(lines) if not _blank(line, separator)), 0)
+    if begin:
+        titles = _title_lines(lines[begin:], separator)
+        return begin + titles if titles else 0
     for n, line in enumerate(lines[: _MAX_TITLE_LINES + 1]):
         cells = _cells(line, separator)
         full = [c for c in cells if c.lower() not in MISSING]
@@ -236,6 +242,11 @@ def _title_lines(lines: list[str], separator: str | None) -> int:
         if not full and n:
             return n  # a frame in which nothing was seen
     return 1
+
+
+def _blank(line: str, separator: str | None) -> bool:
+    """Whether all cells of a line are missing."""
+    return all(c.lower() in MISSING for c in _cells(line, separator))
 
 
 def _counts(cells: list[str]) -> bool:
@@ -269,6 +280,16 @@ def _joined(titles: list[list[str]]) -> list[str] | None:
             if last:
                 parts[c].append(last)
     return [" ".join(p) for p in parts]
+
+
+def _numbered(titles: list[str] | None) -> list[str] | None:
+    """Titles of columns without names (Var1, V1, ...) as their numbers."""
+    found = [_NUMBERED.fullmatch(t) for t in titles or []]
+    first = next((m for m in found if m is not None), None)
+    if titles is None or first is None or len(titles) < 9 or not all(found):
+        return titles
+    numbers = [m[1] for m in found if m is not None]
+    return numbers if len(set(numbers)) == len(numbers) else titles
 
 
 def _points(lines: list[str], separator: str | None) -> list[str]:
