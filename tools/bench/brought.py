@@ -4,9 +4,9 @@
 
 Each file goes through `handtrack track` and `handtrack export` with default options and is
 compared with its truth. Counted are: right; refused with one line that names a cure; warned;
-silent errors (PA-MPJPE above 2 mm, a finger's angles 5 degrees off, another hand or another frame rate,
-and not a word); and faults (a traceback, a library's warning, an error of several lines).
-Files that are silent errors or faults are kept. Exit status 1 where there is any.
+silent errors (PA-MPJPE above 2 mm, a finger's angles 5 degrees off, another hand or another
+frame rate, and not a word); and faults (a traceback, a library's warning, an error of several
+lines). Files that are silent errors or faults are kept. Exit status 1 where there is any.
 """
 
 from __future__ import annotations
