@@ -13,6 +13,7 @@ from handtrack.cameras.triangulate import triangulate
 from handtrack.errors import InputError
 from handtrack.hand.rotations import quaternion_to_matrix
 from tools.bench.rendered import build, layout, motion
+from tools.bench.rendered import depth_networks as networks
 from tools.bench.rendered.people import subject
 from tools.bench.rendered.rig import arc
 
@@ -154,3 +155,24 @@ def test_the_clips_that_ship(split):
     seen = np.stack([clip.seen(c) for c in range(3)])[..., None, None]
     again, _ = triangulate(clip.cameras, np.where(seen, clip.image, np.nan))
     assert np.nanmedian(np.linalg.norm(again - clip.joints, axis=-1)) < 2e-4
+
+
+def test_depth_networks_predictions_become_clips(tmp_path):
+    clip = made(20)
+    truth = clip.truth_joints + np.array([0, 0.6, 0])
+    camera = truth[..., [0, 2, 1]] * [1, -1, 1]  # x right, y down, z away
+    given = np.concatenate([camera[:, networks.OURS], camera[:, [0, 0, 9]]], axis=1)
+    given[:, 11, 0] += 0.02
+    given[:, 12, 0] -= 0.02
+    pixels = given[..., :2] / given[..., 2:] * networks.FOCAL + networks.CENTRE
+    lines = np.concatenate([pixels, 1e3 * given[..., 2:]], -1).reshape(20, -1)
+    for name in ("labels.txt", "Net.txt"):
+        np.savetxt(tmp_path / name, lines, fmt="%.6f")
+    (first, second) = networks.network_clips(tmp_path / "Net.txt", tmp_path / "labels.txt", 12)
+    assert (first.name, len(first.time_ns), len(second.time_ns)) == ("Net-00000", 12, 8)
+    seen = np.isfinite(first.joints[..., 0])
+    assert seen.sum() == 12 * 12
+    assert first.joints[seen] == pytest.approx(camera[:12][seen], abs=1e-5)
+    (tmp_path / "Net.txt").write_text("1 2 3\n")
+    with pytest.raises(InputError, match="line 1: expected 42 numbers"):
+        networks.read_text(tmp_path / "Net.txt")

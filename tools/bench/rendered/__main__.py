@@ -1,4 +1,4 @@
-"""python -m tools.bench.rendered make|study|look: make clips, measure methods on them, see them."""
+"""Make clips of rendered hands, look at them, and measure methods on them."""
 
 from __future__ import annotations
 
@@ -32,6 +32,10 @@ def main(arguments: list[str] | None = None) -> int:
     studying.add_argument("--camera", type=int, default=0, help="which one is one camera")
     studying.add_argument("--json", type=Path, metavar="OUT", help="write all numbers")
     studying.add_argument("--quick", action="store_true", help="only the first three clips")
+    networks = commands.add_parser("networks", help="depth networks' predictions into clips")
+    networks.add_argument("predictions", nargs="+", type=Path, metavar="PREDICTIONS.txt")
+    networks.add_argument("--labels", type=Path, required=True, metavar="LABELS.txt")
+    networks.add_argument("-o", "--out", type=Path, required=True, help="folder")
     options = parser.parse_args(arguments)
     try:
         if options.command == "make":
@@ -40,6 +44,8 @@ def main(arguments: list[str] | None = None) -> int:
             from tools.bench.rendered.sheet import sheet
 
             sheet(options.out, options.seeds)
+        elif options.command == "networks":
+            _networks(options)
         else:
             _study(options)
     except HandtrackError as error:
@@ -63,6 +69,17 @@ def _study(options: argparse.Namespace) -> None:
     say(rows, console)
     if options.json:
         write_json(rows, options.json)
+
+
+def _networks(options: argparse.Namespace) -> None:
+    from tools.bench.rendered.depth_networks import network_clips
+
+    options.out.mkdir(parents=True, exist_ok=True)
+    for path in options.predictions:
+        clips = network_clips(path, options.labels)
+        for clip in clips:
+            write(options.out / f"{clip.name}.npz", clip)
+        print(f"{path}: {len(clips)} clips in {options.out}")
 
 
 def _make(options: argparse.Namespace) -> None:

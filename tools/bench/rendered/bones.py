@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handtrack.evaluation.alignment import procrustes
 from handtrack.hand.skeleton import PARENTS
@@ -52,21 +51,20 @@ def learnt_offsets(pairs: Iterable[tuple[Array, Array, str]]) -> Array:
 
     Args:
         pairs: estimate (T, 21, 3), truth (T, 21, 3) and hand of each clip.
+
+    Returns:
+        NaN where no frame has all joints.
     """
     found: list[Array] = []
     for estimate, truth, hand in pairs:
         near = aligned(estimate, truth)
         off = in_bones(truth - near, bone_frames(near, hand)) / hand_size(near)
         found.append(off[np.isfinite(off).all((1, 2))])
-    return np.asarray(np.median(np.concatenate(found), axis=0))
+    whole = np.concatenate(found)
+    return np.asarray(np.median(whole, axis=0)) if len(whole) else np.full((21, 3), np.nan)
 
 
 def moved_by(estimate: Array, offsets: Array, hand: str) -> Array:
     """The estimate with the offsets put on."""
     step = np.einsum("tjik,jk->tji", bone_frames(estimate, hand), offsets)
     return np.asarray(estimate + hand_size(estimate) * step)
-
-
-def present(joints: Array) -> NDArray[np.bool_]:
-    """(T,) where all joints are there."""
-    return np.asarray(np.isfinite(joints).all((1, 2)))

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import handtrack as ht
-from handtrack.evaluation.metrics import nan_mean, pa_mpjpe
+from handtrack.evaluation.metrics import pa_mpjpe
 from tools.bench.oracles import savgol
 from tools.bench.rendered.bones import learnt_offsets, moved_by
 from tools.bench.rendered.cases import Case
@@ -119,8 +119,3 @@ def standard(all_cases: list[Case]) -> dict[str, Method]:
     rows["rts, true hand (oracle)"] = on_true_hand({"filter": "rts"})
     rows["constant offsets, no fit"] = offsets(all_cases)
     return rows
-
-
-def mean_error(estimate: Estimate, case: Case) -> float:
-    """PA-MPJPE [mm], for a quick look."""
-    return 1e3 * float(nan_mean(pa_mpjpe(estimate.joints, case.clip.truth_joints)))
