@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+import handtrack as ht
 from handtrack.cameras.triangulate import triangulate
 from handtrack.video.detector import Detection, Detector
 from tools.bench.rendered import layout, motion, rig
@@ -134,6 +135,7 @@ def make(plan: Plan, raster: Raster, detector: MakeDetector, cameras: int = CAME
         truth_shape=person.shape,
         truth_rest_joints=model.rest_joints,
         truth_axes=model.axes,
+        default_axes=ht.HandModel.default(person.hand).axes,
     )
 
 

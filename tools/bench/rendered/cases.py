@@ -70,8 +70,9 @@ def cases(clip: Clip, camera: int = 0) -> list[Case]:
 def _true_hand(clip: Clip) -> tuple[Array | None, ht.HandModel | None, str]:
     """True angles and hand by today's definition of the angles.
 
-    Where the default hand's axes have changed since the clip was made, its true angles are those
-    of today's hand on the clip's true skeleton, fitted to the true joints.
+    The true hand keeps the axes that it moved about. Where the default hand's axes have changed
+    since the clip was made, its true angles are those of today's axes on the clip's true
+    skeleton, fitted to the true joints.
     """
     if clip.truth_rest_joints is None or clip.truth_axes is None:
         return None, None, ""
@@ -85,14 +86,14 @@ def _true_hand(clip: Clip) -> tuple[Array | None, ht.HandModel | None, str]:
         weights=np.zeros((0, 16)),
         shape=np.zeros(0),
     )
-    if np.allclose(clip.truth_axes, default.axes, atol=1e-4):
-        return clip.truth_angles, replace(shaped, axes=_unit(clip.truth_axes)), ""
+    model = replace(shaped, axes=_unit(clip.truth_axes))
+    defined = clip.truth_axes if clip.default_axes is None else clip.default_axes
+    if np.allclose(defined, default.axes, atol=1e-4):
+        return clip.truth_angles, model, ""
     fits = [ht.fit(shaped, joints) for joints in clip.truth_joints]
     left = np.array([fit.joints for fit in fits]) - clip.truth_joints
     off = 1e3 * float(np.linalg.norm(left, axis=-1).mean())
     remark = f"true angles fitted anew: the default hand's axes have changed ({off:.2f} mm left)"
-    # the hand that moved keeps the axes that it moved about
-    model = replace(shaped, axes=_unit(clip.truth_axes))
     return np.array([fit.angles for fit in fits]), model, remark
 
 

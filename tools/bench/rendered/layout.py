@@ -20,6 +20,7 @@ C cameras; joints in handtrack's order; metres, radians, pixels, nanoseconds.
 | `truth_angles` | (T, 20) | true angles, of the default hand of that day |
 | `truth_rotation`, `truth_translation` | (T, 4) wxyz, (T, 3) | true pose of the root frame |
 | `truth_shape`, `truth_rest_joints`, `truth_axes` | (S,), (21, 3), (20, 3) | true hand |
+| `default_axes` | (20, 3) | axes of the default hand of that day, which define the angles |
 
 `hand`, `time_ns`, `truth_joints` and at least one of `joints`, `world`, `image` with cameras
 must be there; the rest may be left out, so that output recorded elsewhere is stored likewise.
@@ -88,6 +89,7 @@ class Clip:
     truth_shape: Array | None = None
     truth_rest_joints: Array | None = None
     truth_axes: Array | None = None
+    default_axes: Array | None = None
 
     def __post_init__(self) -> None:
         if self.hand not in HANDS:
@@ -111,6 +113,7 @@ class Clip:
             "truth_translation": (t, 3),
             "truth_rest_joints": (21, 3),
             "truth_axes": (20, 3),
+            "default_axes": (20, 3),
         }
         for name, shape in shapes.items():
             value = getattr(self, name)

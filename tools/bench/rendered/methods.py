@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -57,38 +57,64 @@ def best_savgol(case: Case) -> Estimate:
     return min([filled(one) for one in tried], key=error)
 
 
-def tracked(case: Case, settings: Mapping[str, Any], model: ht.HandModel | None = None) -> Estimate:
-    """`handtrack.track` with its defaults, or with some settings."""
-    track = ht.track(case.sequence, model, **settings)
-    return Estimate(track.filtered_joints, track.angles)
+class Tracking:
+    """`handtrack.track` in its ways; the calibration of a case is made once for all filters.
+
+    Tracking again on the hand that was found, taken as it is, equals calibrating again.
+    """
+
+    def __init__(self) -> None:
+        self._case: Case | None = None
+        self._plain: ht.Track | None = None
+
+    def plain(self, case: Case) -> ht.Track:
+        """Calibrated, fitted, not filtered."""
+        if self._plain is None or self._case is not case:
+            self._case, self._plain = case, ht.track(case.sequence)
+        return self._plain
+
+    def calibrated(self, **settings: Any) -> Method:
+        """On the hand calibrated in the case itself."""
+
+        def method(case: Case) -> Estimate:
+            plain = self.plain(case)
+            if not settings:
+                return _of(plain)
+            return _of(ht.track(case.sequence, plain.model, calibrate="none", **settings))
+
+        return method
+
+    def louder(self, times: float, **settings: Any) -> Method:
+        """The same, told a multiple of the noise that the plain fit leaves."""
+
+        def method(case: Case) -> Estimate:
+            plain = self.plain(case)
+            left = np.nanmedian(plain.objective[plain.status == "fitted"])
+            noise_mm = times * 1e3 * float(np.sqrt(left / (3 * 21 - 26)))
+            told = self.calibrated(noise_mm=noise_mm, **settings)
+            return told(case)._replace(note=f"{noise_mm:.1f} mm")
+
+        return method
 
 
-def with_settings(settings: Mapping[str, Any]) -> Method:
-    """`tracked` with those settings."""
-    return lambda case: tracked(case, settings)
+def template(**settings: Any) -> Method:
+    """On the default hand, only scaled."""
+    return lambda case: _of(ht.track(case.sequence, calibrate=False, **settings))
 
 
-def louder(times: float, settings: Mapping[str, Any]) -> Method:
-    """Tracked with a multiple of the noise that the plain fit leaves."""
-
-    def method(case: Case) -> Estimate:
-        plain = ht.track(case.sequence)
-        left = np.nanmedian(plain.objective[plain.status == "fitted"])
-        noise_mm = times * 1e3 * float(np.sqrt(left / (63 - 26)))
-        return tracked(case, {**settings, "noise_mm": noise_mm})._replace(note=f"{noise_mm:.1f} mm")
-
-    return method
-
-
-def on_true_hand(settings: Mapping[str, Any]) -> Method:
-    """Tracked on the true subject's hand, only scaled: an oracle."""
+def on_true_hand(**settings: Any) -> Method:
+    """On the true subject's hand, only scaled: an oracle."""
 
     def method(case: Case) -> Estimate:
         if case.model is None:
             return Estimate(np.full_like(case.joints, np.nan), None, "no true hand")
-        return tracked(case, {"calibrate": False, **settings}, case.model)
+        return _of(ht.track(case.sequence, case.model, calibrate=False, **settings))
 
     return method
+
+
+def _of(track: ht.Track) -> Estimate:
+    return Estimate(track.filtered_joints, track.angles)
 
 
 def offsets(all_cases: list[Case]) -> Method:
@@ -110,12 +136,13 @@ def offsets(all_cases: list[Case]) -> Method:
 def standard(all_cases: list[Case]) -> dict[str, Method]:
     """The rows of the study's table, by name; raw first."""
     rows: dict[str, Method] = {RAW: raw, "savitzky-golay, oracle": best_savgol}
-    rows["fit, calibrated"] = with_settings({})
-    rows["fit, template"] = with_settings({"calibrate": False})
+    tracking = Tracking()
+    rows["fit, calibrated"] = tracking.calibrated()
+    rows["fit, template"] = template()
     for name in ("one-euro", "kalman", "fixed-lag", "rts"):
-        rows[name] = with_settings({"filter": name})
-    rows["rts, template"] = with_settings({"filter": "rts", "calibrate": False})
-    rows["rts, 3 x noise"] = louder(3.0, {"filter": "rts"})
-    rows["rts, true hand (oracle)"] = on_true_hand({"filter": "rts"})
+        rows[name] = tracking.calibrated(filter=name)
+    rows["rts, template"] = template(filter="rts")
+    rows["rts, 3 x noise"] = tracking.louder(3.0, filter="rts")
+    rows["rts, true hand (oracle)"] = on_true_hand(filter="rts")
     rows["constant offsets, no fit"] = offsets(all_cases)
     return rows

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 import handtrack as ht
-from handtrack.hand.skeleton import HANDS, Hand
+from handtrack.hand.reshape import reshaped
+from handtrack.hand.skeleton import BASES, HANDS, Hand
 from tools.bench.rendered.raster import Lights
 
 Array = NDArray[np.float64]
@@ -41,6 +44,7 @@ class Subject:
     Attributes:
         name: of the subject; clips of one subject share a hand.
         hand: "left" or "right".
+        number: of the subject.
         shape: (4,) coefficients of the default hand, in standard deviations.
         tone, tone_palm, cloth: (3,) linear RGB.
         sleeve_mm: where a sleeve begins behind the wrist; None: a bare arm.
@@ -51,6 +55,7 @@ class Subject:
 
     name: str
     hand: Hand
+    number: int
     shape: Array
     tone: Array
     tone_palm: Array
@@ -61,10 +66,34 @@ class Subject:
     wrinkles: float
     seed: float
 
-    @property
+    @cached_property
     def model(self) -> ht.HandModel:
-        """The subject's hand."""
-        return ht.HandModel.default(self.hand, shape=self.shape)
+        """The subject's hand: its shape, and what no few coefficients say.
+
+        Each bone has a length of its own (what the size leaves of the 8 to 12 % by which bones
+        vary, Buryanov and Kotiuk 2010), each finger its place and direction on the palm, and each
+        joint its axis.
+        """
+        rng = np.random.default_rng([18, self.number])
+        base = ht.HandModel.default("right", shape=self.shape)
+        rest = base.rest_joints.copy()
+        place = rng.normal(0.0, 0.0015, (5, 3)) + base.rest_joints[BASES] * rng.normal(
+            0.0, 0.03, (5, 1)
+        )
+        turn = Rotation.from_rotvec(np.deg2rad(rng.normal(0.0, [2.0, 2.5, 2.5], (5, 3))))
+        longer = np.exp(np.clip(rng.normal(0.0, 1.0, 20), -2, 2) * 0.055)
+        for f, first in enumerate(BASES):
+            rest[first] = base.rest_joints[first] + place[f]
+            for j in range(first + 1, first + 4):
+                bone = base.rest_joints[j] - base.rest_joints[j - 1]
+                rest[j] = rest[j - 1] + turn[f].apply(bone) * longer[j - 1]
+        tilt = Rotation.from_rotvec(np.deg2rad(rng.normal(0.0, 3.0, (20, 3))))
+        axes = tilt.apply(turn[np.repeat(np.arange(5), 4)].apply(base.axes.copy()))
+        if self.hand == "left":
+            # a mirrored rotation turns the other way about the mirrored axis
+            base = ht.HandModel.default("left", shape=self.shape)
+            rest, axes = rest * [1, -1, 1], -axes * [1, -1, 1]
+        return reshaped(base, rest, axes)
 
 
 def linear(srgb: object) -> Array:
@@ -82,6 +111,7 @@ def subject(number: int) -> Subject:
     return Subject(
         name=f"subject{number:02d}",
         hand=HANDS[1 - (number // 2) % 2],
+        number=number,
         shape=shape,
         tone=back * vary,
         tone_palm=palm * vary,

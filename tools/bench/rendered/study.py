@@ -35,11 +35,12 @@ def study(
         progress: told the name of each case as it begins.
     """
     given = [case for clip in clips for case in cases(clip, camera)]
+    rowed = methods(given)
     rows: list[Row] = []
     for case in given:
         if progress:
             progress(f"{case.clip.name}, {case.input}")
-        for name, method in methods(given).items():
+        for name, method in rowed.items():
             failed = ""
             try:
                 estimate = method(case)
