@@ -33,6 +33,7 @@ class Reading(NamedTuple):
     mano_tips: str = "smplx"
     time_unit: str | None = None
     max_size: str | None = None
+    mirror: str | None = None
 
     def load(
         self, path: Path, quiet: bool = False, found: Detections | None = None
@@ -62,6 +63,7 @@ class Reading(NamedTuple):
                 mano_tips=self.mano_tips,
                 time_unit=self.time_unit,
                 max_size=self.max_size,
+                mirror=self.mirror,
             )
         for sequence in sequences if not quiet else ():
             for note in sequence.notes:
@@ -77,9 +79,10 @@ class Reading(NamedTuple):
             return None
         from handtrack.video.detections import detect
 
-        if self.unit is not None or self.order is not None or self.format is not None:
+        if any(o is not None for o in (self.unit, self.order, self.format, self.mirror)):
             raise SettingsError(
-                f"{path}: --unit, --order and --format are for joint sequences, not pictures"
+                f"{path}: --unit, --order, --format and --mirror are for joint sequences, not"
+                " pictures"
             )
         with progress_shown(count(path), quiet, "detecting") as progress:
             return detect(path, fps=self.fps, frames=self.frame_range, progress=progress.frames)
@@ -122,7 +125,16 @@ def reading_options(command: _Command) -> _Command:
             type=click.Choice(["s", "ms", "us", "ns"]),
             help="Unit of the file's times, where it does not say or is wrong.",
         ),
-        click.option("--order", metavar="NAME", help="Joint order, where the file does not say."),
+        click.option(
+            "--mirror",
+            type=click.Choice(["x", "y", "z"]),
+            help="Axis to turn round, where the file's world is left-handed (Unity, Unreal).",
+        ),
+        click.option(
+            "--order",
+            metavar="NAME",
+            help="Joint order, where the file does not say: a name, or 21 places (0,1,2,...).",
+        ),
         click.option("--unit", type=click.Choice(["m", "cm", "mm"]), help="Unit of the joints."),
         click.option(
             "--hand",

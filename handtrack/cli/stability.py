@@ -161,10 +161,11 @@ def _measured(
 
         return stability_of_pairs([(e, truths.of(e)) for _, e in found], match)
     if not any(isinstance(e, ht.Sequence) for _, e in found) and (
-        reading.unit or reading.order or reading.fps
+        reading.unit or reading.order or reading.fps or reading.mirror
     ):
         raise SettingsError(
-            "--unit, --order and --fps are for joint files; recordings say these themselves"
+            "--unit, --order, --fps and --mirror are for joint files; recordings say these"
+            " themselves"
         )
     count = Counter(e.name for _, e in found)
     # recordings of joints.npz and joints.npz are told apart by their files

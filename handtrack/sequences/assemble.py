@@ -10,6 +10,7 @@ import numpy as np
 from handtrack.errors import InputError, SettingsError
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS
 from handtrack.sequences.clock import UNIT_NS, Clock, TimeUnit, check_fps, read_clock
+from handtrack.sequences.coincident import without_coincident
 from handtrack.sequences.joint_order import AXIS_MAJOR, check_order, ordered_by_axis, read_order
 from handtrack.sequences.marks import marked
 from handtrack.sequences.readers.raw import METRES, Array, Raw, Unit
@@ -65,6 +66,8 @@ def assemble(raw: Raw, given: Given) -> Sequence:
     to_metres = METRES[unit] * _MIRRORED[given.mirror]
     joints = _picked(raw.joints, reading.picks) * to_metres
     _check_reach(joints, raw)
+    joints, coincident = without_coincident(joints)
+    notes += coincident
     confidence = raw.confidence
     if confidence is not None:
         confidence = (
@@ -75,7 +78,9 @@ def assemble(raw: Raw, given: Given) -> Sequence:
     clock = _clock(raw, given)
     notes += clock.notes
     rows = clock.rows
-    truth = None if raw.truth is None else _picked(raw.truth, reading.picks) * to_metres
+    truth = None
+    if raw.truth is not None:
+        truth, _ = without_coincident(_picked(raw.truth, reading.picks) * to_metres)
     return Sequence(
         time_ns=clock.time_ns,
         joints=joints[rows],

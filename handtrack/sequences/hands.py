@@ -15,6 +15,7 @@ from handtrack.sequences.sequence import Sequence
 HandChoice = Literal["auto", "left", "right", "swap"]
 CHOICES: tuple[HandChoice, ...] = ("auto", "left", "right", "swap")
 OTHER: dict[Hand, Hand] = {"left": "right", "right": "left"}
+_MIRROR = "pass --mirror z if its world is left-handed (Unity, Unreal), which keeps its name"
 _IN_NAME = re.compile(r"(?<![a-z])(left|right)(?![a-z])")
 _AT_END = re.compile(r"(?<=\S) (left|right)$")
 
@@ -47,10 +48,15 @@ def label_hands(
         )
     several = len(sequences) > 1
     out = []
+    scores = [chirality(sequence.joints) for sequence in sequences]
+    agree = any(
+        label is not None and abs(score) > STRONG and (score > 0) == (label == "right")
+        for label, score in zip(labels, scores, strict=True)
+    )
     for sequence, label, tag in zip(sequences, labels, tagged, strict=True):
         if both and choice in ("left", "right") and label != choice:
             continue
-        hand, note = _settle(sequence, label, choice, both)
+        hand, note = _settle(sequence, label, choice, both, agree)
         name = sequence.name
         if several or tag:
             # the names in handtrack's own recordings have their hand already
@@ -61,27 +67,33 @@ def label_hands(
 
 
 def _settle(
-    sequence: Sequence, label: Hand | None, choice: HandChoice, both: bool
+    sequence: Sequence, label: Hand | None, choice: HandChoice, both: bool, agree: bool
 ) -> tuple[Hand, str | None]:
-    """The hand of one sequence, and what to tell the user of it."""
+    """The hand of one sequence, and what to tell the user of it.
+
+    A left-handed world and exchanged labels cannot be told apart by a hand's joints: both are
+    named. Where another hand of the source fits its label it is neither.
+    """
     score = chirality(sequence.joints)
     bends: Hand = "right" if score > 0 else "left"
     if choice in ("left", "right") and not both:
         hand: Hand = "left" if choice == "left" else "right"
         if bends != hand and abs(score) > STRONG:
-            return hand, f"taken as {hand} as asked, but the fingers flex like a {bends} hand's"
+            return hand, (
+                f"taken as {hand} as asked, but the fingers flex like a {bends} hand's: {_MIRROR}"
+            )
         overridden = label is not None and label != hand
         return hand, f"labelled {label}, taken as {hand} as asked" if overridden else None
     if label is not None:
         hand = OTHER[label] if choice == "swap" else label
         if bends != hand and abs(score) > STRONG:
             cure = "swap" if both else bends
+            text = f"but the fingers flex like a {bends} hand's"
             if choice == "swap":
-                return hand, f"swapped to {hand}, but the fingers flex like a {bends} hand's"
-            return hand, (
-                f"labelled {hand}, but the fingers flex like a {bends} hand's:"
-                f" pass --hand {cure} to override"
-            )
+                return hand, f"swapped to {hand}, {text}: {_MIRROR}"
+            if both and agree:
+                return hand, f"labelled {hand}, {text}, while the other hand fits its label"
+            return hand, f"labelled {hand}, {text}: pass --hand {cure} to override, or {_MIRROR}"
         return hand, None
     if abs(score) > DECIDED:
         return bends, f"no hand named: taken as {bends} from the way the fingers flex"

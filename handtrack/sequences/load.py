@@ -25,6 +25,7 @@ from handtrack.sequences.readers.raw import NoFramesError, NotJointsError, Raw
 from handtrack.sequences.readers.recognise import check_format, read_file
 from handtrack.sequences.sequence import Sequence
 from handtrack.sequences.size import check_sizes
+from handtrack.sequences.world_check import world_doubts
 
 
 def load(
@@ -130,7 +131,10 @@ def _finish(
     sequences = [assemble(raw, given) for raw in seen]
     units = [unit_of(raw, given) for raw in seen]
     doubts = check_sizes([s.joints for s in sequences], units, raws[0].path)
-    sequences = [_noted(s, doubt) for s, doubt in zip(sequences, doubts, strict=True)]
+    sequences = [
+        _noted(s, doubt, *world_doubts(s.joints, raws[0].path))
+        for s, doubt in zip(sequences, doubts, strict=True)
+    ]
     labels = [raw.hand for raw in seen]
     both = {"left", "right"} <= {raw.hand for raw in raws}
     sequences = label_hands(sequences, labels, [raw.tagged for raw in seen], choice, both)
@@ -145,8 +149,8 @@ def _finish(
     return sequences if frames is None else _cut(sequences, frames)
 
 
-def _noted(sequence: Sequence, note: str | None) -> Sequence:
-    return sequence if note is None else replace(sequence, notes=(*sequence.notes, note))
+def _noted(sequence: Sequence, *notes: str | None) -> Sequence:
+    return replace(sequence, notes=(*sequence.notes, *(n for n in notes if n is not None)))
 
 
 def _cut(sequences: list[Sequence], frames: tuple[int, int]) -> list[Sequence]:

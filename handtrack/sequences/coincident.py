@@ -1,0 +1,61 @@
+"""Joints that a source puts at one place: one of them was not seen."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS
+from handtrack.sequences.readers.raw import Array
+from handtrack.sequences.skeleton_check import misfit
+
+_DIRECTION = np.array([1.0, np.pi, np.e])
+# more joints at one place than this are no hand
+_MOST = 3
+
+
+def without_coincident(joints: Array) -> tuple[Array, list[str]]:
+    """Joints (T, 21, 3) without those that are exactly where another is, and what was done.
+
+    A thumb's metacarpal of no length, a tip repeated from the joint before, a frame with all
+    joints at one point: two joints of a hand are never at one place. Of a pair that is so in
+    most frames the one is kept that makes a hand with the others, else the one nearer to the
+    wrist; of more none.
+    """
+    # only frames in which two agree are looked at closely
+    line = np.sort(np.nan_to_num(joints, posinf=0.0, neginf=0.0) @ _DIRECTION, axis=1)
+    frames = np.flatnonzero((np.diff(line, axis=1) == 0).any(1))
+    if not len(frames):
+        return joints, []
+    x = joints[frames]
+    same = np.zeros((len(x), N_JOINTS, N_JOINTS), dtype=bool)
+    for a, b in combinations(range(N_JOINTS), 2):
+        same[:, a, b] = same[:, b, a] = (x[:, a] == x[:, b]).all(-1)
+    if not same.any():
+        return joints, []
+    out, notes = joints.copy(), []
+    crowd = same.sum(2) >= _MOST
+    out[frames[:, None], np.arange(N_JOINTS)] = np.where(crowd[..., None], np.nan, x)
+    if crowd.any():
+        notes.append(f"{crowd.sum()} joints at the place of others were taken as missing")
+    same &= ~crowd[:, :, None] & ~crowd[:, None, :]
+    there = np.isfinite(joints).all(-1).sum(0)
+    for a, b in combinations(range(N_JOINTS), 2):
+        pair = same[:, a, b]
+        if not pair.any():
+            continue
+        gone = b
+        if 2 * pair.sum() > max(there[a], there[b]) and _without(out, a) < _without(out, b):
+            gone = a
+        out[frames[pair], gone] = np.nan
+        notes.append(
+            f"{JOINT_NAMES[a]} and {JOINT_NAMES[b]} are at one place in {pair.sum()} frames:"
+            f" {JOINT_NAMES[gone]} was taken as missing there"
+        )
+    return out, notes
+
+
+def _without(joints: Array, joint: int) -> float:
+    """The misfit of a hand without one joint."""
+    return misfit(joints, tuple(-1 if j == joint else j for j in range(N_JOINTS)))
