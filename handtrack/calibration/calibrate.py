@@ -13,7 +13,7 @@ from handtrack.calibration.chains import SIZE, Chains
 from handtrack.calibration.frames import MIN_SEEN, Material, chosen, poses_of
 from handtrack.calibration.freedoms import DRIFT, FEW, Freedoms, freedoms, shape
 from handtrack.calibration.proportions import Proportions, proportions
-from handtrack.errors import InputError, SettingsError
+from handtrack.errors import InputError, ModelError, SettingsError
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import reshaped
 from handtrack.hand.skeleton import ANGLE_NAMES
@@ -114,8 +114,8 @@ def calibrate(
         The calibrated hand, in the prior's root frame, with the prior's limits.
 
     Raises:
-        InputError: a sequence is of the other hand, no bone was seen in at least three frames,
-            or there are fewer than ten frames for a full calibration.
+        InputError: a sequence is of the other hand, no bone was seen, there are fewer than ten
+            frames for a full calibration, or it comes to no hand.
         SettingsError: an unknown method, or no sequence.
     """
     given = [sequences] if isinstance(sequences, Sequence) else list(sequences)
@@ -148,7 +148,14 @@ def calibrate(
             raise InputError(short, given[0].source or None)
         note = f"only lengths and palm were calibrated: {short}"
         return _plain(found.model, "proportions", found, noise, len(joints), found.kept, note)
-    return _bundled(model, found, [m for m in materials if len(m)], noise, method, frames)
+    try:
+        return _bundled(model, found, [m for m in materials if len(m)], noise, method, frames)
+    except (ModelError, np.linalg.LinAlgError) as error:
+        failed = f"a full calibration came to no hand ({error})"
+        if method != "auto":
+            raise InputError(failed, given[0].source or None) from None
+    note = f"only lengths and palm were calibrated: {failed}"
+    return _plain(found.model, "proportions", found, noise, len(joints), found.kept, note)
 
 
 def _plain(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,10 @@ Array = NDArray[np.float64]
 
 FRAMES = 200
 """Of a longer clip so many frames are looked at, evenly spread."""
+
+# what a hand leaves is doubtful from so much beyond the bound, absolutely and relatively; noisy
+# detections with exchanged labels reach 1.4
+_DOUBT_MM, _DOUBT = 0.5, 1.5
 
 # noise of the joints [m]: the unit of the weak priors that keep what nothing observes
 _NOISE = 1e-3
@@ -71,6 +75,26 @@ class Explained:
             for name, field in (("residual", "fitted"), ("unlimited", "unlimited"), ("bound",) * 2)
             for kind in ("mean", "rms")
         }
+
+
+def doubt(found: Mapping[str, object]) -> str | None:
+    """What to say where a hand explains its input badly although some hand would not.
+
+    Then the input is no hand's as it was read: in another joint order, of the other hand, of a
+    mirrored world, or with joints exchanged.
+
+    Args:
+        found: `Explained.summary`, or what holds it.
+    """
+    residual, bound = found.get("residual_mean_mm"), found.get("bound_mean_mm")
+    if not isinstance(residual, int | float) or not isinstance(bound, int | float):
+        return None
+    if residual - bound < _DOUBT_MM or residual < _DOUBT * bound:
+        return None
+    return (
+        f"the calibrated hand leaves {residual:.1f} mm of its input, any hand of rigid bones"
+        f" {bound:.1f}: is it the right joint order (--order), hand (--hand), world (--mirror)?"
+    )
 
 
 def explain(

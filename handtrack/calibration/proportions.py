@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 # a median of fewer frames is no calibration
 _MIN_FRAMES = 3
+# shorter than this, over what the prior says, a bone is none
+_LEAST_BONE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,19 +54,20 @@ def proportions(model: HandModel, joints: Array, noise: float, source: str = "")
         source: for the error.
 
     Raises:
-        InputError: no bone was seen in at least three frames, or of fewer in any.
+        InputError: no bone was seen.
     """
     lengths = _bone_lengths(joints, noise, _MIN_FRAMES)
     # the size alone is known from a picture or two as well
-    sizes = lengths if len(joints) >= _MIN_FRAMES else _bone_lengths(joints, 0.0, 1)
-    known = np.isfinite(sizes)
+    sizes = lengths if np.isfinite(lengths).any() else _bone_lengths(joints, 0.0, 1)
+    known = np.isfinite(sizes) & (sizes > 0)
     if not known.any():
         raise InputError(
-            f"no bone is seen in {min(_MIN_FRAMES, len(joints))} frames or more, so the hand's"
-            " size is unknown",
-            source or None,
+            "no bone is seen with both its ends, so the hand's size is unknown", source or None
         )
-    scale = float(np.median(sizes[known] / model.bone_lengths[known]))
+    ratios = sizes / model.bone_lengths
+    scale = float(np.median(ratios[known]))
+    # a bone of hardly any length was not seen: its ends are one joint given twice
+    lengths[~(ratios > _LEAST_BONE * scale)] = np.nan
     seen = np.isfinite(lengths)
     scaled = model.scaled(scale)
     rest = scaled.rest_joints

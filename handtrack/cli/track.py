@@ -154,7 +154,8 @@ def track(
             progress.says(f"drawing {overlay}")
             draw(overlay, pictures, tracks)
             written.append(overlay)
-    for note in left_out if not quiet else ():
+    doubts = [f"{t.name}: {text}" for t in tracks if (text := _doubt(t))]
+    for note in [*left_out, *doubts] if not quiet else ():
         click.echo(f"warning: {note}", err=True)
 
     frames = sum(map(len, tracks))
@@ -165,7 +166,8 @@ def track(
         result_dict = report.to_dict() | {
             "outputs": [str(path) for path in written],
             "frames_per_second": rate,
-            "warnings": notes + repairs + left_out,
+            "warnings": notes + repairs + left_out + doubts,
+            "not_measured": {t.name: list(_not_measured(t)) for t in tracks},
         }
         click.echo(json.dumps(result_dict, indent=2, allow_nan=False))
     elif not quiet:
@@ -182,8 +184,27 @@ def track(
     show.wait(silent)
 
 
+def _doubt(track: Track) -> str | None:
+    """What is doubtful of how its calibrated hand explains the input."""
+    from handtrack.calibration.explain import doubt
+
+    found = track.settings.get("calibration")
+    return doubt(found) if isinstance(found, dict) else None
+
+
+def _not_measured(track: Track) -> tuple[str, ...]:
+    """Joints that no frame tells of."""
+    from handtrack.hand.skeleton import JOINT_NAMES
+
+    known = track.measured_joints
+    return tuple(name for name, is_known in zip(JOINT_NAMES, known, strict=True) if not is_known)
+
+
 def _say_calibration(track: Track) -> None:
-    """How well the calibrated hand explains its input, and how well any hand could."""
+    """How well the calibrated hand explains its input, and what is not the input's."""
+    gone = _not_measured(track)
+    if gone:
+        click.echo(f"{track.name}: never seen, so neither measured nor exported: {', '.join(gone)}")
     found = track.settings.get("calibration")
     if isinstance(found, dict) and "bound_mean_mm" in found:
         click.echo(

@@ -64,7 +64,7 @@ class Estimate:
 
     @staticmethod
     def of_track(track: Track) -> Estimate:
-        """The filtered output of a track."""
+        """The filtered output of a track, where anything was seen of it."""
         fitted, predicted, lost = (
             int((track.status == status).sum()) for status in ("fitted", "predicted", "lost")
         )
@@ -73,9 +73,10 @@ class Estimate:
             track.hand,
             track.time_ns,
             track.frame_index,
-            track.filtered_joints,
+            np.where(track.measured_joints[:, None], track.filtered_joints, np.nan),
             (fitted, predicted, lost),
-            track.observed,
+            # what the fit was told to ignore counts for nothing
+            np.where(track.confidence[..., None] > 0, track.observed, np.nan),
             _known(track.truth),
             track.angles,
             track.model.limits,

@@ -15,7 +15,8 @@ from handtrack.tracking.track import Track
 
 
 def arrays(track: Track) -> dict[str, Any]:
-    """All of a track by name; shapes are for T frames, NaN where nothing is known.
+    """All of a track by name; shapes are for T frames, NaN where nothing is known, of a
+    finger that no frame saw too.
 
     The observed joints are `joints_m`, with `confidence`, `time_ns`, `frame_index`, `hand` and,
     if known, `truth_m`: `handtrack.load` reads the file again as the sequence that was tracked.
@@ -25,6 +26,7 @@ def arrays(track: Track) -> dict[str, Any]:
     and use_pca=False (see `to_mano`); no betas where calibration changed the hand.
     """
     model = track.model
+    angles, joints = track.measured_angles, track.measured_joints
     made: dict[str, Any] = {
         "joints_m": track.observed,
         "confidence": track.confidence,
@@ -33,15 +35,15 @@ def arrays(track: Track) -> dict[str, Any]:
         "hand": track.hand,
         "name": track.name,
         "subject": track.subject,
-        "angles_rad": track.angles,
-        "angles_raw_rad": track.angles_raw,
+        "angles_rad": np.where(angles, track.angles, np.nan),
+        "angles_raw_rad": np.where(angles, track.angles_raw, np.nan),
         "angle_variance_rad2": track.angle_variance,
         "quaternion_wxyz": track.quaternion,
         "quaternion_raw_wxyz": track.quaternion_raw,
         "translation_m": track.translation,
         "translation_raw_m": track.translation_raw,
-        "fitted_joints_m": track.fitted_joints,
-        "filtered_joints_m": track.filtered_joints,
+        "fitted_joints_m": np.where(joints[:, None], track.fitted_joints, np.nan),
+        "filtered_joints_m": np.where(joints[:, None], track.filtered_joints, np.nan),
         "error_m": track.error,
         "objective_m2": track.objective,
         "sweeps": track.sweeps,

@@ -31,7 +31,7 @@ def columns(track: Track, origin_ns: int) -> dict[str, NDArray[Any]]:
     (`wrist_x_mm`), the observed and, if known, the true ones (`observed_wrist_x_mm`,
     `truth_wrist_x_mm`); distances of the observed joints to the fitted ones (`error_wrist_mm`,
     `error_mean_mm`, `error_max_mm`) and of the output to the truth (`truth_error_mean_mm`);
-    the fit's `objective_mm2`. NaN where nothing is known.
+    the fit's `objective_mm2`. NaN where nothing is known: of a finger that no frame saw too.
     """
     table: dict[str, NDArray[Any]] = {
         "frame": track.frame_index,
@@ -44,7 +44,12 @@ def columns(track: Track, origin_ns: int) -> dict[str, NDArray[Any]]:
     def wide(names: list[str], values: NDArray[np.float64]) -> None:
         table.update(zip(names, values.reshape(len(track), len(names)).T, strict=True))
 
-    deg, mm = np.rad2deg, 1e3
+    mm = 1e3
+
+    def deg(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.where(track.measured_angles, np.rad2deg(values), np.nan)
+
+    known = track.measured_joints[:, None]
     wide([f"{name}_deg" for name in ANGLE_NAMES], deg(track.angles))
     kinds = [("", track.quaternion, track.translation)]
     if track.filtered:
@@ -54,9 +59,10 @@ def columns(track: Track, origin_ns: int) -> dict[str, NDArray[Any]]:
     for kind, quaternion, translation in kinds:
         wide([f"rotation{kind}_{c}" for c in "wxyz"], quaternion)
         wide([f"translation{kind}_{c}_mm" for c in "xyz"], translation * mm)
-    joints = [("", track.filtered_joints), ("observed_", track.observed)]
+    filtered = np.where(known, track.filtered_joints, np.nan)
+    joints = [("", filtered), ("observed_", track.observed)]
     if track.filtered:
-        joints.insert(1, ("raw_", track.fitted_joints))
+        joints.insert(1, ("raw_", np.where(known, track.fitted_joints, np.nan)))
     if track.truth is not None:
         joints.append(("truth_", track.truth))
     for kind, points in joints:
@@ -64,7 +70,7 @@ def columns(track: Track, origin_ns: int) -> dict[str, NDArray[Any]]:
     wide([f"error_{name}_mm" for name in JOINT_NAMES], track.error * mm)
     table["error_mean_mm"], table["error_max_mm"] = mean_and_max(track.error * mm)
     if track.truth is not None:
-        off = np.linalg.norm(track.filtered_joints - track.truth, axis=-1)
+        off = np.linalg.norm(filtered - track.truth, axis=-1)
         table["truth_error_mean_mm"] = mean_and_max(off * mm)[0]
     table["objective_mm2"] = track.objective * 1e6
     return table

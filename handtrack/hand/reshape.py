@@ -13,6 +13,9 @@ from handtrack.hand.skeleton import PALM, PART_JOINT
 
 Array = NDArray[np.float64]
 
+# bones whose cosine is this near to -1 have no smallest turn
+_OPPOSED = 1e-9
+
 
 def reshaped(
     model: HandModel,
@@ -67,12 +70,21 @@ def reshaped(
 def _bone_map(before: Array, after: Array, thickness: float) -> Array:
     """(3, 3): the smallest turn from one bone to the other, stretched to its length."""
     a, b = before / np.linalg.norm(before), after / np.linalg.norm(after)
-    c, s = a @ b, np.cross(a, b)
-    skew = np.array([[0, -s[2], s[1]], [s[2], 0, -s[0]], [-s[1], s[0], 0]])
-    turn = np.eye(3) + skew + skew @ skew / (1.0 + c)
+    turn = _smallest_turn(a, b)
     along = np.linalg.norm(after) / np.linalg.norm(before)
     stretch = thickness * np.eye(3) + (along - thickness) * np.outer(a, a)
     return np.asarray(turn @ stretch)
+
+
+def _smallest_turn(a: Array, b: Array) -> Array:
+    """(3, 3) rotation of unit vector a to b; half a turn about any axis where they are opposed."""
+    c, s = a @ b, np.cross(a, b)
+    if c < _OPPOSED - 1:
+        axis = np.cross(a, np.eye(3)[np.abs(a).argmin()])
+        axis /= np.linalg.norm(axis)
+        return np.asarray(2 * np.outer(axis, axis) - np.eye(3))
+    skew = np.array([[0, -s[2], s[1]], [s[2], 0, -s[0]], [-s[1], s[0], 0]])
+    return np.asarray(np.eye(3) + skew + skew @ skew / (1.0 + c))
 
 
 def _palm(points: Array, before: Array, after: Array, size: float) -> Array:

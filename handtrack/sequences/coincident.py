@@ -8,30 +8,35 @@ import numpy as np
 
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS
 from handtrack.sequences.readers.raw import Array
+from handtrack.sequences.size import palm_length
 from handtrack.sequences.skeleton_check import misfit
 
-_DIRECTION = np.array([1.0, np.pi, np.e])
-# more joints at one place than this are no hand
-_MOST = 3
+_DIRECTION = np.array([1.0, np.pi, np.e]) / np.linalg.norm([1.0, np.pi, np.e])
+# joints are at one place if this near, over the palm's length
+_NEAR = 1e-3
+# with so many others at its place none is to be believed
+_MOST = 2
 
 
 def without_coincident(joints: Array) -> tuple[Array, list[str]]:
-    """Joints (T, 21, 3) without those that are exactly where another is, and what was done.
+    """Joints (T, 21, 3) without those that are where another is, and what was done.
 
     A thumb's metacarpal of no length, a tip repeated from the joint before, a frame with all
     joints at one point: two joints of a hand are never at one place. Of a pair that is so in
     most frames the one is kept that makes a hand with the others, else the one nearer to the
     wrist; of more none.
     """
-    # only frames in which two agree are looked at closely
+    near = _NEAR * palm_length(joints)
+    if not near > 0:
+        near = 0.0
+    # only frames in which two may be near are looked at closely
     line = np.sort(np.nan_to_num(joints, posinf=0.0, neginf=0.0) @ _DIRECTION, axis=1)
-    frames = np.flatnonzero((np.diff(line, axis=1) == 0).any(1))
-    if not len(frames):
-        return joints, []
+    frames = np.flatnonzero((np.diff(line, axis=1) <= near).any(1))
     x = joints[frames]
     same = np.zeros((len(x), N_JOINTS, N_JOINTS), dtype=bool)
     for a, b in combinations(range(N_JOINTS), 2):
-        same[:, a, b] = same[:, b, a] = (x[:, a] == x[:, b]).all(-1)
+        apart = np.linalg.norm(x[:, a] - x[:, b], axis=-1)
+        same[:, a, b] = same[:, b, a] = apart <= near
     if not same.any():
         return joints, []
     out, notes = joints.copy(), []
@@ -42,13 +47,14 @@ def without_coincident(joints: Array) -> tuple[Array, list[str]]:
     same &= ~crowd[:, :, None] & ~crowd[:, None, :]
     there = np.isfinite(joints).all(-1).sum(0)
     for a, b in combinations(range(N_JOINTS), 2):
-        pair = same[:, a, b]
+        pair = same[:, a, b].copy()
         if not pair.any():
             continue
         gone = b
         if 2 * pair.sum() > max(there[a], there[b]) and _without(out, a) < _without(out, b):
             gone = a
         out[frames[pair], gone] = np.nan
+        same[pair, gone, :] = same[pair, :, gone] = False
         notes.append(
             f"{JOINT_NAMES[a]} and {JOINT_NAMES[b]} are at one place in {pair.sum()} frames:"
             f" {JOINT_NAMES[gone]} was taken as missing there"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import quaternion_to_matrix
-from handtrack.hand.skeleton import N_JOINTS, Hand
+from handtrack.hand.skeleton import ANGLE_JOINT, N_JOINTS, Hand
 
 Array = NDArray[np.float64]
 STATUSES = ("fitted", "predicted", "lost")
@@ -156,6 +156,22 @@ class Track:
     def error(self) -> Array:
         """(T, 21) distance of each observed joint to the fitted (raw) one [m], NaN if missing."""
         return np.asarray(np.linalg.norm(self.fitted_joints - self.observed, axis=-1))
+
+    @property
+    def measured_joints(self) -> NDArray[np.bool_]:
+        """(21,) which joints any frame tells of: seen, or before one that is in their finger.
+
+        The others are where the model has them, in a pose that is only expected.
+        """
+        seen = np.isfinite(self.observed[..., 0]) & (self.confidence > 0) & ~self.rejected
+        fingers = seen.any(0)[1:].reshape(5, 4)
+        onwards = np.logical_or.accumulate(fingers[:, ::-1], axis=1)[:, ::-1]
+        return np.concatenate([[True], onwards.ravel()])
+
+    @property
+    def measured_angles(self) -> NDArray[np.bool_]:
+        """(20,) which angles any frame tells of: those with a joint beyond theirs seen."""
+        return self.measured_joints[ANGLE_JOINT + 1]
 
     @property
     def fps(self) -> float:

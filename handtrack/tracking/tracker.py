@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from handtrack import __version__
 from handtrack.calibration.calibrate import calibrate as calibrate_hand
-from handtrack.calibration.explain import explain
+from handtrack.calibration.explain import doubt, explain
 from handtrack.errors import InputError, SettingsError
 from handtrack.fitting import bcd, lanes
 from handtrack.hand.model import HandModel
@@ -360,6 +360,8 @@ def track(
         found = calibration.summary()
         if calibration.method in ("full", "lengths"):
             found |= explain(hand, sequence, _EXPLAINED).summary()
+            doubtful = doubt(found)
+            notes += [doubtful] if doubtful else []
     tracker = Tracker(
         hand,
         filter,
