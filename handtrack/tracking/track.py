@@ -164,14 +164,14 @@ class Track:
         The others are where the model has them, in a pose that is only expected.
         """
         seen = np.isfinite(self.observed[..., 0]) & (self.confidence > 0) & ~self.rejected
-        fingers = seen.any(0)[1:].reshape(5, 4)
+        fingers = np.asarray(seen.any(axis=0))[1:].reshape(5, 4)
         onwards = np.logical_or.accumulate(fingers[:, ::-1], axis=1)[:, ::-1]
         return np.concatenate([[True], onwards.ravel()])
 
     @property
     def measured_angles(self) -> NDArray[np.bool_]:
         """(20,) which angles any frame tells of: those with a joint beyond theirs seen."""
-        return self.measured_joints[ANGLE_JOINT + 1]
+        return np.asarray(self.measured_joints[ANGLE_JOINT + 1])
 
     @property
     def fps(self) -> float:
