@@ -16,13 +16,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from typing import Literal
 
 from handtrack.hand.skeleton import FINGERS, Hand
 
 Unit = Literal["m", "cm", "mm"]
 TimeUnit = Literal["s", "ms", "us", "ns"]
+KEPT = 4096
+"""So many names are remembered."""
 UNUSED = -1
 """`settle`'s answer for a joint that is known and is none of the 21: palm, forearm."""
 
@@ -130,7 +132,7 @@ _VOCABULARY = {
 }
 
 
-@cache
+@lru_cache(KEPT)
 def words(name: str) -> tuple[str, ...]:
     """A name's words and numbers in lower case: "LeftHandIndex1.x" -> left, hand, index, 1, x."""
     text = _3D.sub("", name[:200].replace("µ", "u").replace("μ", "u"))
@@ -182,7 +184,7 @@ class JointName:
     weak: bool = False
 
 
-@cache
+@lru_cache(KEPT)
 def joint_name(given: tuple[str, ...]) -> JointName | None:
     """What the words of a joint's name say, None where they name no joint."""
     hand, rest = without_hand(given)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import difflib
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from typing import Literal
 
 from handtrack.hand.skeleton import JOINT_NAMES, Hand
@@ -22,6 +22,7 @@ from handtrack.sequences.names import (
     HAND_LABEL,
     HAND_NUMBER,
     JOINTS,
+    KEPT,
     MAYBE_HAND,
     NOISE,
     OTHER,
@@ -56,7 +57,7 @@ class Column:
     unit: Unit | None
 
 
-@cache
+@lru_cache(KEPT)
 def column(title: str) -> Column | None:
     """A joint's coordinate or confidence, None where the title is neither."""
     given = list(words(title))
@@ -76,7 +77,7 @@ def column(title: str) -> Column | None:
     return None
 
 
-@cache
+@lru_cache(KEPT)
 def time_unit(name: str) -> TimeUnit | Literal[""] | None:
     """What a name of times says: their unit, "" where it is silent, None: it names no times."""
     given = words(name)
@@ -90,7 +91,7 @@ def time_unit(name: str) -> TimeUnit | Literal[""] | None:
     return units[0] if alone and units else None
 
 
-@cache
+@lru_cache(KEPT)
 def is_frame_number(name: str) -> bool:
     """Whether a name is of frame numbers."""
     given = set(words(name))
@@ -99,21 +100,21 @@ def is_frame_number(name: str) -> bool:
     return bool(given & {"frame", "frames"}) or (bool(given & FRAME) and bool(given & FRAME_NUMBER))
 
 
-@cache
+@lru_cache(KEPT)
 def is_hand_label(name: str) -> bool:
     """Whether a name is of what tells left from right."""
     given = set(words(name))
     return bool(given & HAND_LABEL) and given <= HAND_LABEL | MAYBE_HAND
 
 
-@cache
+@lru_cache(KEPT)
 def may_be_hand_label(name: str) -> bool:
     """Whether what tells left from right may stand under a name: a label may be of anything."""
     given = set(words(name))
     return is_hand_label(name) or (bool(given) and given <= MAYBE_HAND)
 
 
-@cache
+@lru_cache(KEPT)
 def is_hand_number(name: str) -> bool:
     """Whether a name is of the hands' numbers (hand_id, hand_index)."""
     given = set(words(name))
@@ -124,7 +125,7 @@ def is_hand_number(name: str) -> bool:
     )
 
 
-@cache
+@lru_cache(KEPT)
 def is_confidence(name: str) -> bool:
     """Whether a name is of confidences, of a hand or of all its joints."""
     given = set(words(name))
@@ -141,7 +142,7 @@ class JointsKey:
     world: bool
 
 
-@cache
+@lru_cache(KEPT)
 def joints_key(name: str) -> JointsKey | None:
     """What a name of joints says, None where it names something else."""
     given = words(name)
@@ -158,14 +159,14 @@ def joints_key(name: str) -> JointsKey | None:
     return JointsKey(unit, truth, hand, "world" in rest)
 
 
-@cache
+@lru_cache(KEPT)
 def of_side(name: str) -> tuple[Hand | None, str]:
     """The hand that a name names, and the other words."""
     hand, rest = without_hand(words(name))
     return hand, " ".join(rest)
 
 
-@cache
+@lru_cache(KEPT)
 def side_key(name: str) -> Hand | None:
     """The hand that a container is named after ("left", "rightHand", "hand_l"), else None."""
     hand, rest = without_hand(words(name))
@@ -176,7 +177,8 @@ def looks_meant(title: str) -> str | None:
     """What a name that nothing reads looks like: "a joint", "a hand", "a time", else None."""
     given = words(title)
     found = set(given)
-    if found & OTHER or column(title) is not None:
+    known = is_hand_label(title) or is_hand_number(title) or is_frame_number(title)
+    if known or found & (OTHER | CONFIDENCES) or column(title) or time_unit(title) is not None:
         return None
     parts = {w for w in PART if w not in ("base", "end", "null", "top", "middle", "mid", "ip")}
     fingers = {w for w in FINGER if w not in ("index", "middle", "mid", "long", "small", "little")}

@@ -10,6 +10,7 @@ from google.protobuf.message_factory import GetMessageClass
 from mcap.writer import CompressionType, Writer
 
 import handtrack as ht
+from handtrack.hand.skeleton import JOINT_NAMES
 
 START = 1_782_897_167_604_809_000
 STEP = 33_333_333
@@ -110,7 +111,6 @@ def test_plain_joints(tmp_path, right):
             lambda f: f[3]["bone_data"]["1"]["to_global"]["position"].pop("x"),
             "/hand, message 3: object missing required field `x`",
         ),
-        (lambda f: f[3].pop("bone_data"), "/hand, message 3: no joints in it"),
         (lambda f: f[3].update(confidence=[1]), r"/hand, message 3: confidence has shape \(1,\)"),
         (lambda f: [x.pop("bone_data") for x in f], "no joints in the JSON messages of /hand"),
     ],
@@ -122,6 +122,28 @@ def test_bad_messages(tmp_path, right, change, message):
     with pytest.raises(ht.InputError, match=message) as caught:
         ht.load(path)
     assert str(caught.value).startswith(f"{path}: ")
+
+
+@pytest.mark.parametrize("blank", [{}, {"bone_data": None}, {"bone_data": {}}])
+def test_messages_in_which_nothing_was_seen_come_first(tmp_path, right, blank):
+    frames = [blank, blank, *({"bone_data": bones(j, "Right")} for j in right)]
+    (sequence,) = ht.load(write_json(tmp_path / "a.mcap", {"/hand": frames}))
+    assert (len(sequence), sequence.hand) == (14, "right")
+    assert not sequence.present[:2].any()
+    np.testing.assert_allclose(sequence.joints[2:], right)
+
+
+@pytest.mark.parametrize("blank", [{}, {"hands": []}, {"left": None, "right": None}])
+def test_messages_of_both_hands_by_name(tmp_path, left, right, blank):
+    names = [n.replace("little", "pinky") for n in JOINT_NAMES]
+
+    def named(joints):
+        return dict(zip(names, joints.tolist(), strict=True))
+
+    frames = [{"left": named(a), "right": named(b)} for a, b in zip(left, right, strict=True)]
+    a, b = ht.load(write_json(tmp_path / "a.mcap", {"/hands": [blank, *frames]}))
+    assert (a.hand, b.hand, len(a)) == ("left", "right", 13)
+    np.testing.assert_allclose(b.joints[1:], right)
 
 
 def test_log_time_out_of_range(tmp_path, right):

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from handtrack.errors import InputError
-from handtrack.hand.skeleton import BONES, N_JOINTS, ORDER_JOINTS, ORDERS
+from handtrack.hand.skeleton import BONES, N_JOINTS, ORDERS
 from handtrack.sequences.clock import Stamps
-from handtrack.sequences.readers.fields import frame_numbers
+from handtrack.sequences.readers.fields import JOINT_COUNTS as COUNTS
+from handtrack.sequences.readers.fields import PAIRS, frame_numbers, two_hands
 from handtrack.sequences.readers.raw import METRES, Array, NotJointsError, Raw, Unit, stem
 from handtrack.sequences.readers.table_cells import Table
 from handtrack.sequences.size import PLAUSIBLE_PALM, palm_length
 
-COUNTS = sorted(set(ORDER_JOINTS.values()))
 _FAR_BETTER = 0.8
 """One arrangement's bones are so much shorter and steadier than another's, at least."""
 
@@ -43,19 +43,7 @@ def read_bare(table: Table, path: Path) -> list[Raw]:
     raw = Raw(frames[..., :3], path, stem(path), confidence=confidence)
     if n in COUNTS:
         return [_one_hand(raw, first, table, path)]
-    half = n // 2
-    raw = _with_count(raw, first, table, path)
-    note = f"{width} columns without titles: two hands of {half} joints, one behind the other"
-    return [
-        replace(
-            raw,
-            joints=raw.joints[:, part],
-            confidence=None if confidence is None else confidence[:, part],
-            name=f"{raw.name} hand {k}",
-            notes=(*raw.notes, note) if k == 1 else (),
-        )
-        for k, part in ((1, slice(0, half)), (2, slice(half, n)))
-    ]
+    return two_hands(_with_count(raw, first, table, path))
 
 
 def _layout(table: Table, path: Path) -> tuple[int, int, int]:
@@ -64,10 +52,10 @@ def _layout(table: Table, path: Path) -> tuple[int, int, int]:
     if width == 3 and len(table.lines) % N_JOINTS == 0:
         return 0, N_JOINTS, 3
     numbered = table.titles is not None and table.titles[0] == ""
-    for begin in (1,) if numbered else (0, 1):
-        for per_joint in (3, 4):
+    for per_joint, known in ((3, [*COUNTS, *PAIRS]), (4, [N_JOINTS, 2 * N_JOINTS])):
+        for begin in (1,) if numbered else (0, 1):
             n, rest = divmod(width - begin, per_joint)
-            if rest == 0 and (n in COUNTS or (n % 2 == 0 and n // 2 in (N_JOINTS, 25, 26))):
+            if rest == 0 and n in known:
                 return begin, n, per_joint
     raise NotJointsError(
         f"a table of {width} columns without a header, expected 63 (21 joints x 3), 64 (the frame"

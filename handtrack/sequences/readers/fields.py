@@ -11,6 +11,7 @@ N is 21, or 25 (WebXR) or 26 (OpenXR).
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
-from handtrack.hand.skeleton import ORDER_JOINTS
-from handtrack.sequences.clock import Stamps, TimeUnit
+from handtrack.hand.skeleton import HANDS, N_JOINTS, ORDER_JOINTS, Hand
+from handtrack.sequences.clock import Stamps
+from handtrack.sequences.names import UNUSED, as_side, joint_name, settle, words
 from handtrack.sequences.readers.raw import (
     METRES,
     Array,
@@ -31,75 +33,159 @@ from handtrack.sequences.readers.raw import (
     as_unit,
     stem,
 )
+from handtrack.sequences.titles import (
+    is_confidence,
+    is_frame_number,
+    is_hand_label,
+    joints_key,
+    looks_meant,
+    may_be_hand_label,
+    of_side,
+    side_key,
+    time_unit,
+)
 
+FINEST = ("ns", "us", "ms", "s", "")
+"""Of several times the one of the finest stated unit is taken."""
+_RATES = {"fps", "frame_rate", "framerate", "sample_rate", "hz", "frames_per_second", "rate"}
 JOINT_COUNTS = sorted(set(ORDER_JOINTS.values()))
-_STEMS = ("joints", "xyz", "joint_3d", "keypoints_3d")
-JOINT_KEYS: dict[str, Unit | None] = dict.fromkeys(_STEMS) | {
-    f"{s}_{u}": u for s in _STEMS for u in METRES
-}
-"""Names under which joints are found, with the unit that the name states."""
-TIME_KEYS: dict[str, TimeUnit | None] = {
-    "time_ns": "ns",
-    "time_us": "us",
-    "time_ms": "ms",
-    "time_s": "s",
-    "time": None,
-}
-"""Names of times, with the unit that the name states."""
-FRAME_KEYS = ("frame_index", "frame")
+PAIRS = (42, 50, 52)
+"""Joints in a frame of two hands."""
+_FEWEST = 4
+"""Fewer joints by name are no hand."""
 
 
 def from_fields(fields: Mapping[str, Any], path: Path) -> Raw:
-    """One hand's Raw from named fields; names that mean nothing here are ignored.
+    """One hand's Raw from named fields; what else there is and looks like no joints, hand or
+    time is left out.
 
     Raises:
         NotJointsError: no joints under any known name.
-        InputError: a field has the wrong shape or value, named in the message.
+        InputError: a field has the wrong shape or value, named in the message, or looks like a
+            hand or a time and is not understood.
     """
+    fields = _with_columns(fields, path)
     key = joint_key(fields, path)
+    said = joints_key(key)
     joints = as_frames(fields[key], path, key)
     n = len(joints)
-    unit = JOINT_KEYS[key]
+    unit = None if said is None else said.unit
     if unit is None and fields.get("unit") is not None:
         unit = as_unit(fields["unit"], path)
-    raw = Raw(joints, path, stem(path), unit=unit)
-    if fields.get("hand") is not None:
-        raw.hand = as_hand(fields["hand"], path)
+    raw = Raw(joints, path, stem(path), unit=unit, hand=None if said is None else said.hand)
+    there = {k: v for k, v in fields.items() if v is not None}
+    label = next((k for k in there if is_hand_label(k)), None)
+    label = label or next((k for k in there if may_be_hand_label(k) and as_side(there[k])), None)
+    if label is not None:
+        raw.hand = as_hand(there[label], path, label)
     if fields.get("order") is not None:
         raw.order = str(fields["order"])
-    if fields.get("fps") is not None:
-        raw.fps = as_fps(fields["fps"], path)
+    rate = next((k for k in there if k.lower() in _RATES), None)
+    if rate is not None:
+        raw.fps = as_fps(there[rate], path)
     raw.name = str(fields.get("name") or raw.name)
     raw.subject = str(fields.get("subject") or "")
-    for time_key, time_unit in TIME_KEYS.items():
-        if fields.get(time_key) is not None:
-            raw.stamps = Stamps(fields[time_key], time_key, time_unit)
-            break
-    for frame_key in FRAME_KEYS:
-        if fields.get(frame_key) is not None:
-            raw.frame_index = frame_numbers(fields[frame_key], n, path, frame_key)
-            break
-    if fields.get("confidence") is not None:
-        raw.confidence = _confidence(fields["confidence"], joints, path)
+    clocks = [k for k in there if time_unit(k) is not None and not isinstance(there[k], bool)]
+    if clocks:
+        clock = min(clocks, key=lambda k: FINEST.index(time_unit(k) or ""))
+        raw.stamps = Stamps(there[clock], clock, time_unit(clock) or None)
+    frame = next((k for k in there if is_frame_number(k) and np.size(there[k]) == n), None)
+    if frame is not None:
+        raw.frame_index = frame_numbers(there[frame], n, path, frame)
+    sure = next((k for k in there if is_confidence(k)), None)
+    if sure is not None:
+        raw.confidence = _confidence(there[sure], joints, path)
     raw.truth = _truth(fields, key, unit, joints, path)
+    _refuse_meant(there, path)
     return raw
+
+
+def _refuse_meant(fields: Mapping[str, Any], path: Path) -> None:
+    for key, value in fields.items():
+        kind = looks_meant(key)
+        known = time_unit(key) is not None or isinstance(value, dict)
+        if kind in ("a time", "a hand") and not known:
+            raise InputError(
+                f"{key[:40]!r} looks like {kind} and is not understood: name it"
+                f" {'time_s' if kind == 'a time' else 'hand'}, or leave it out",
+                path,
+            )
+
+
+def of_sides(fields: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The fields of each hand (`left_joints_m`, or all that stands under `left`) with those of
+    both; all of them where no hand has joints of its own."""
+    parts = [own for hand in HANDS if (own := _of_side(fields, hand)) is not None]
+    return parts or [dict(fields)]
+
+
+def _of_side(fields: Mapping[str, Any], hand: Hand) -> dict[str, Any] | None:
+    own: dict[str, Any] = {}
+    both: dict[str, Any] = {}
+    for key, value in fields.items():
+        side, rest = of_side(key)
+        if side is None:
+            both[key] = value
+        elif side != hand or value is None:
+            continue
+        elif side_key(key) is not None:
+            own |= value if isinstance(value, dict) else {"joints": value}
+        else:
+            own[rest.replace(" ", "_")] = value
+    if not any(_names_joints(key) for key in own) and not _columns(own):
+        return None
+    return both | own | {"hand": hand}
+
+
+def _names_joints(key: str) -> bool:
+    said = joints_key(key)
+    return said is not None and not said.truth
+
+
+def _columns(fields: Mapping[str, Any]) -> dict[str, int]:
+    """Which joint each name is, where names are of joints with a column of places each."""
+    said = {k: joint_name(words(k)) for k, v in fields.items() if isinstance(v, list | np.ndarray)}
+    known = {k: s for k, s in said.items() if s is not None and s.number is None}
+    joints = dict(zip(known, settle(known.values()), strict=True))
+    found = {k: j for k, j in joints.items() if j is not None and j != UNUSED}
+    return found if len(found) >= _FEWEST else {}
+
+
+def _with_columns(fields: Mapping[str, Any], path: Path) -> Mapping[str, Any]:
+    """With the joints as one array where each has one of its own."""
+    key = next((k for k in fields if _names_joints(k) and isinstance(fields[k], dict)), None)
+    inside = fields[key] if key is not None else fields
+    if key is None and any(_names_joints(k) for k in fields):
+        return fields
+    columns = _columns(inside)
+    if not columns:
+        return fields
+    arrays = {name: _nested_numbers(inside[name], path, name) for name in columns}
+    n = len(next(iter(arrays.values())))
+    joints = np.full((n, N_JOINTS, 3), np.nan)
+    for name, joint in columns.items():
+        if arrays[name].shape != (n, 3):
+            raise InputError(f"{name} has shape {arrays[name].shape}, expected ({n}, 3)", path)
+        joints[:, joint] = arrays[name]
+    rest = {k: v for k, v in fields.items() if k != key and k not in columns}
+    return rest | {key or "joints": joints}
 
 
 def _truth(
     fields: Mapping[str, Any], key: str, unit: Unit | None, joints: Array, path: Path
 ) -> Array | None:
     """The true joints in the joints' unit, None where there are none."""
-    keys: dict[str, Unit | None] = {"truth": unit} | {f"truth_{u}": u for u in METRES}
-    name = next((k for k in keys if fields.get(k) is not None), None)
+    said = {k: s for k in fields if (s := joints_key(k)) is not None and s.truth}
+    name = next((k for k in said if fields[k] is not None), None)
     if name is None:
         return None
     truth = as_frames(fields[name], path, name)
     if truth.shape != joints.shape:
         raise InputError(f"{name} has shape {truth.shape}, {key} has {joints.shape}", path)
-    of_truth = keys[name]
-    if of_truth == unit:
+    of_truth = said[name].unit
+    if of_truth is None or of_truth == unit:
         return truth
-    if unit is None or of_truth is None:
+    if unit is None:
         raise InputError(f"{name} states a unit, {key} does not: name it joints_m or so", path)
     return truth * (METRES[of_truth] / METRES[unit])
 
@@ -111,13 +197,42 @@ def joint_key(fields: Mapping[str, Any], path: Path) -> str:
         NotJointsError: there is none (with the names that are there).
         InputError: there are several.
     """
-    keys = [k for k in JOINT_KEYS if fields.get(k) is not None]
+    keys = [k for k in fields if fields[k] is not None and _names_joints(k)]
+    if len(keys) > 1:
+        # MediaPipe's world landmarks, and not those in the picture; names of what joints are of
+        worlds = [k for k in keys if "world" in words(k)]
+        keys = worlds or [k for k in keys if not isinstance(fields[k], str)] or keys
     if not keys:
         there = ", ".join(list(map(str, fields))[:8]) or "nothing"
         raise NotJointsError(f"no joints in it: expected joints_m or joints, found {there}", path)
     if len(keys) > 1:
         raise InputError(f"both {keys[0]} and {keys[1]} are given, expected one of them", path)
     return keys[0]
+
+
+def two_hands(raw: Raw) -> list[Raw]:
+    """One hand, or two that stand one behind the other in each frame."""
+    n = raw.joints.shape[1]
+    if n not in PAIRS:
+        return [raw]
+    half = n // 2
+    note = f"{n} joints in a frame: two hands of {half}, one behind the other"
+    parts = []
+    for k, part in ((1, slice(0, half)), (2, slice(half, n))):
+        confidence = raw.confidence
+        if confidence is not None and confidence.ndim == 2:
+            confidence = confidence[:, part]
+        parts.append(
+            replace(
+                raw,
+                joints=raw.joints[:, part],
+                confidence=confidence,
+                truth=None if raw.truth is None else raw.truth[:, part],
+                name=f"{raw.name} hand {k}",
+                notes=(*raw.notes, note) if k == 1 else (),
+            )
+        )
+    return parts
 
 
 def as_frames(value: Any, path: Path, what: str = "joints") -> Array:
@@ -129,13 +244,18 @@ def as_frames(value: Any, path: Path, what: str = "joints") -> Array:
     array = value if isinstance(value, np.ndarray) else _nested(value, path, what)
     if array.dtype.kind not in "fiu":
         raise InputError(f"{what} holds {array.dtype}, expected numbers", path)
+    if array.ndim == 4 and array.shape[1] in (1, 2) and array.shape[2] in JOINT_COUNTS:
+        array = array.reshape(len(array), -1, array.shape[3])  # hands of a frame
     shape = array.shape
-    flat_sizes = [3 * n for n in JOINT_COUNTS]
-    if array.ndim == 3 and shape[2] == 3 and shape[1] in JOINT_COUNTS:
+    counts = [*JOINT_COUNTS, *PAIRS]
+    flat_sizes = [3 * n for n in counts]
+    if array.ndim == 3 and shape[2] == 3 and shape[1] in counts:
         frames = array
+    elif array.ndim == 3 and shape[1] == 3 and shape[2] in JOINT_COUNTS:
+        frames = array.transpose(0, 2, 1)  # rows of x, of y and of z
     elif array.ndim == 2 and shape[1] in flat_sizes:
         frames = array.reshape(shape[0], shape[1] // 3, 3)
-    elif (array.ndim == 2 and shape[1] == 3 and shape[0] in JOINT_COUNTS) or (
+    elif (array.ndim == 2 and shape[1] == 3 and shape[0] in counts) or (
         array.ndim == 1 and shape[0] in flat_sizes
     ):
         frames = array.reshape(1, -1, 3)
@@ -231,7 +351,7 @@ def frame_numbers(value: Any, n: int, path: Path, what: str) -> NDArray[np.int64
 
 
 def _confidence(value: Any, joints: Array, path: Path) -> Array:
-    given = np.asarray(value) if isinstance(value, np.ndarray) else _nested_numbers(value, path)
+    given = _nested_numbers(value, path, "confidence")
     n, per_frame = joints.shape[:2]
     if given.shape in ((per_frame,), ()) and n == 1 and given.shape != (1,):
         given = np.broadcast_to(given, (1, per_frame))
@@ -239,7 +359,9 @@ def _confidence(value: Any, joints: Array, path: Path) -> Array:
     return numbers(given, path, "confidence", shape)
 
 
-def _nested_numbers(value: Any, path: Path) -> NDArray[Any]:
+def _nested_numbers(value: Any, path: Path, what: str) -> NDArray[Any]:
+    if isinstance(value, np.ndarray):
+        return value
     if not isinstance(value, list):
-        return numbers(value, path, "confidence", ())
-    return _nested(value, path, "confidence")
+        return numbers(value, path, what, ())
+    return _nested(value, path, what)

@@ -47,8 +47,8 @@ class _Pointable(msgspec.Struct, rename="camel"):
 
 
 class _LeapFrame(msgspec.Struct, rename="camel"):
-    hands: list[_LeapHand] = []
-    pointables: list[_Pointable] = []
+    hands: list[_LeapHand] | None = None
+    pointables: list[_Pointable] | None = None
     timestamp: int | float | None = None
     current_frame_rate: float | None = None
 
@@ -72,6 +72,11 @@ class _Seen:
     ids: list[int] = field(default_factory=list)
 
 
+def is_leap(data: bytes) -> bool:
+    """Whether frames in JSON are of Leap Motion: they have its names."""
+    return any(name in data for name in (b'"pointables"', b'"handId"', b'"currentFrameRate"'))
+
+
 def read_leap(data: bytes, path: Path) -> list[Raw]:
     """The sequences of a Leap recording, one per hand.
 
@@ -88,10 +93,10 @@ def read_leap(data: bytes, path: Path) -> list[Raw]:
     notes: list[str] = []
     for number, frame in enumerate(frames):
         busy: list[_Seen] = []
-        for hand in frame.hands:
+        for hand in frame.hands or ():
             if hand.type is None:
                 raise InputError(f"frames[{number}]: hand {hand.id} has no type", path)
-            fingers = [p for p in frame.pointables if p.hand_id == hand.id and not p.tool]
+            fingers = [p for p in frame.pointables or () if p.hand_id == hand.id and not p.tool]
             joints = _joints(hand, fingers, f"frames[{number}]", path)
             if np.isnan(joints).all():
                 continue
@@ -171,7 +176,8 @@ def _frames(recording: _Recording, path: Path) -> list[_LeapFrame]:
     if bytes(recording.frames[0]).lstrip()[:1] != b"[":
         for i, raw in enumerate(recording.frames):
             with within(f"frames[{i}]", path):
-                frames.append(decode(bytes(raw), _LeapFrame, path))
+                frame = decode(bytes(raw), _LeapFrame | None, path)
+                frames.append(frame or _LeapFrame())
         return frames
     names = decode(bytes(recording.frames[0]), Any, path)
     for i, raw in enumerate(recording.frames[1:], 1):

@@ -1,7 +1,7 @@
 """Joints in JSON messages of an MCAP file, one topic per hand.
 
 Two layouts: `bone_data["0".."20"].to_global.position` with x, y, z [m] (exports of headsets,
-this project's joint order), or `joints` as in `fields`. A joint at -1, -1, -1 is missing.
+this project's joint order), or frames as `records` reads them. A joint at -1, -1, -1 is missing.
 """
 
 from __future__ import annotations
@@ -14,22 +14,24 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.clock import Stamps
-from handtrack.sequences.readers.fields import JOINT_KEYS, as_frames, joint_key
+from handtrack.sequences.readers.found import hands_in
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.mcap_file import McapFile, Message
 from handtrack.sequences.readers.raw import (
     Array,
     NotJointsError,
     Raw,
-    Unit,
     as_hand,
     stem,
     within,
 )
+from handtrack.sequences.readers.records import read_records
+from handtrack.sequences.titles import time_unit
 
 _WORD = re.compile(r"(?<![a-z])(left|right)(?![a-z])")
 SAME_CLOCK_NS = 60 * 10**9
@@ -58,21 +60,17 @@ class _Header(msgspec.Struct):
     frame_index: int | None = None
 
 
-class _Joints(msgspec.Struct):
-    """A message, as far as it is used."""
+class _Bones(msgspec.Struct):
+    """A message of bones, as far as it is used."""
 
     header: _Header | None = None
     bone_data: dict[str, _Bone] | None = None
     hand: str | None = None
     confidence: list[float | None] | float | None = None
-    joints: Any = None
-    joints_m: Any = None
-    joints_cm: Any = None
-    joints_mm: Any = None
 
 
 def read(file: McapFile, path: Path) -> list[Raw]:
-    """The sequences of the JSON topics, one per topic that carries joints.
+    """The sequences of the JSON topics, of each hand in a topic that carries joints.
 
     Raises:
         NotJointsError: no topic carries joints.
@@ -82,45 +80,93 @@ def read(file: McapFile, path: Path) -> list[Raw]:
     for message in file.messages:
         if message.encoding == "json":
             by_topic.setdefault(message.topic, []).append(message)
-    raws = {
-        topic: _topic(topic, messages, path)
-        for topic, messages in sorted(by_topic.items())
-        if _carries_joints(messages[0], path)
-    }
+    raws: list[Raw] = []
+    topics: list[str] = []
+    for topic, messages in sorted(by_topic.items()):
+        of_topic = _topic(topic, messages, path)
+        raws += of_topic
+        topics += [topic] * len(of_topic)
     if not raws:
         raise NotJointsError(
             f"no joints in the JSON messages of {', '.join(sorted(by_topic)[:6])}", path
         )
-    labels = [raw.hand for raw in raws.values()]
-    for topic, raw in raws.items():
-        if len(raws) > 1 and (raw.hand is None or labels.count(raw.hand) > 1):
+    labels = [raw.hand for raw in raws]
+    for topic, raw in zip(topics, raws, strict=True):
+        if len(set(topics)) > 1 and (raw.hand is None or labels.count(raw.hand) > 1):
             raw.name = f"{raw.name} {topic.strip('/').replace('/', ' ')}"
-    return list(raws.values())
+    return raws
 
 
-def _carries_joints(message: Message, path: Path) -> bool:
-    with within(f"{message.topic}, message 0", path):
-        fields = decode(message.data, Any, path)
-    return isinstance(fields, dict) and any(k in fields for k in ("bone_data", *JOINT_KEYS))
+def _topic(topic: str, messages: list[Message], path: Path) -> list[Raw]:
+    """The hands of one topic: its first message with something in it says what it carries."""
+    values: list[Any] = []
+    some: Any = None
+    for i, message in enumerate(messages):
+        with within(f"{topic}, message {i}", path):
+            values.append(decode(message.data, Any, path))
+        if some is None and _has_content(values[-1]):
+            some = values[-1]
+            if "bone_data" not in some and not hands_in(some):
+                return []
+            if some.get("bone_data") is not None:
+                break
+    if some is None:
+        return []
+    for i, message in enumerate(messages):
+        if message.log_time > np.iinfo(np.int64).max:
+            raise InputError(
+                f"{topic}, message {i}: log time {message.log_time} ns is beyond 64 bits", path
+            )
+    if some.get("bone_data") is not None:
+        return [_bones_topic(topic, messages, path)]
+    places = [f"{topic}, message {i}" for i in range(len(messages))]
+    logged = np.array([m.log_time for m in messages], dtype=np.int64)
+    raws = read_records(values, places, path, logged=Stamps(logged, "log time", "ns"))
+    in_topic = _labels([topic], path)
+    for raw in raws:
+        if raw.hand is None and len(in_topic) == 1:
+            raw.hand = next(iter(in_topic))
+        if raw.stamps is not None and len(raw.joints) == len(messages):
+            raw.stamps = _better(raw.stamps, logged)
+    return raws
 
 
-def _topic(topic: str, messages: list[Message], path: Path) -> Raw:
+def _has_content(value: Any) -> bool:
+    """Whether a message says what its topic carries: it holds more than nulls."""
+    if not isinstance(value, dict):
+        return False
+    if "bone_data" in value and not value["bone_data"]:
+        return False
+    found = hands_in(value)
+    return any(f.value is not None for f in found) or not (found or _is_blank(value))
+
+
+def _is_blank(value: dict[str, Any]) -> bool:
+    return all(
+        v in (None, [], {}) or k in ("header", "stamp", "hand") or time_unit(k) is not None
+        for k, v in value.items()
+    )
+
+
+def _better(own: Stamps, logged: NDArray[np.int64]) -> Stamps:
+    """The messages' own times, where log times say nothing or they are of the same clock."""
+    if own.name == "log time" or (np.diff(logged) <= 0).sum() > len(logged) / 2:
+        return own
+    return _stamps(list(own.values), logged.tolist())
+
+
+def _bones_topic(topic: str, messages: list[Message], path: Path) -> Raw:
     read = []
     for i, message in enumerate(messages):
         with within(f"{topic}, message {i}", path):
-            if message.log_time > np.iinfo(np.int64).max:
-                raise InputError(f"log time {message.log_time} ns is beyond 64 bits", path)
             read.append(_message(message, path))
-            if read[-1].joints.shape != read[0].joints.shape or read[-1].unit != read[0].unit:
-                raise InputError("another layout than in message 0", path)
-    in_topic = _labels([topic], path)
-    labels = in_topic or {label for m in read for label in m.labels}
+    labels = _labels([topic], path) or {label for m in read for label in m.labels}
     return Raw(
         np.array([m.joints for m in read]),
         path,
         stem(path),
         hand=next(iter(labels)) if len(labels) == 1 else None,
-        unit=read[0].unit,
+        unit="m",
         stamps=_stamps([m.stamp for m in read], [m.log_time for m in messages]),
         frame_index=_numbers([m.number for m in read]),
         confidence=np.array([m.confidence for m in read]),
@@ -133,38 +179,27 @@ class _Read:
 
     joints: Array
     confidence: Array
-    unit: Unit | None
     labels: set[Hand]
     stamp: int | float | str | None
     number: int | None
 
 
 def _message(message: Message, path: Path) -> _Read:
-    value: _Joints = decode(message.data, _Joints, path)
-    unit: Unit | None = "m"
-    if value.bone_data is not None:
-        joints, confidence = _bones(value.bone_data, path)
-        labels = _labels([b.bone_name for b in value.bone_data.values()], path)
-    else:
-        fields = {k: v for k, v in msgspec.structs.asdict(value).items() if k in JOINT_KEYS}
-        key = joint_key(fields, path)
-        unit = JOINT_KEYS[key]
-        joints = as_frames(fields[key], path, key)
-        if len(joints) != 1:
-            raise InputError(f"{key} holds {len(joints)} frames, expected one", path)
-        joints = joints[0]
-        confidence, labels = np.ones(len(joints)), set()
+    value = decode(message.data, _Bones | None, path) or _Bones()
+    bones = value.bone_data or {}
+    joints, confidence = _bones(bones, path)
+    labels = _labels([b.bone_name for b in bones.values()], path)
     if value.hand is not None:
         labels = {as_hand(value.hand, path)}
     if value.confidence is not None:
         given = np.array(value.confidence, dtype=np.float64)
-        if given.shape not in ((), (len(joints),)):
+        if given.shape not in ((), (N_JOINTS,)):
             raise InputError(f"confidence has shape {given.shape}, expected (21,)", path)
         confidence = confidence * given
     joints[(joints == -1).all(1)] = np.nan
     confidence[np.isnan(joints).any(1)] = 0
     header = value.header or _Header()
-    return _Read(joints, confidence, unit, labels, header.timestamp, header.frame_index)
+    return _Read(joints, confidence, labels, header.timestamp, header.frame_index)
 
 
 def _labels(texts: Iterable[str], path: Path) -> set[Hand]:

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from handtrack.errors import InputError
-from handtrack.hand.skeleton import HANDS, Hand
 from handtrack.sequences.readers import mano_params
-from handtrack.sequences.readers.fields import JOINT_KEYS, as_frames, from_fields
+from handtrack.sequences.readers.fields import as_frames, from_fields, of_sides, two_hands
 from handtrack.sequences.readers.raw import Raw, stem
+from handtrack.sequences.titles import joints_key
 
 # all that NumPy and zipfile raise for damaged files; MemoryError from a damaged shape
 DAMAGED = (
@@ -50,7 +50,7 @@ def read_npy(data: bytes, path: Path) -> list[Raw]:
         array = np.load(io.BytesIO(data), allow_pickle=False)
     except DAMAGED as error:
         raise InputError(damage("the .npy file", error), path) from None
-    return [Raw(as_frames(array, path, "the array"), path, stem(path))]
+    return two_hands(Raw(as_frames(array, path, "the array"), path, stem(path)))
 
 
 def read_npz(data: bytes, path: Path) -> list[Raw]:
@@ -65,19 +65,18 @@ def read_npz(data: bytes, path: Path) -> list[Raw]:
             fields = {str(name): _scalar(archive[name]) for name in archive.files}
     except DAMAGED as error:
         raise InputError(damage("the .npz file", error), path) from None
-    if not any(key in fields for key in JOINT_KEYS) and mano_params.is_mano(fields):
+    if not any(joints_key(key) for key in fields) and mano_params.is_mano(fields):
         return mano_params.from_named(fields, path)
-    hands = [of_hand for hand in HANDS if (of_hand := _of_hand(fields, hand))]
-    return [from_fields(of_hand, path) for of_hand in hands] or [from_fields(fields, path)]
+    parts = of_sides(_alone(fields))
+    return [raw for part in parts for raw in two_hands(from_fields(part, path))]
 
 
-def _of_hand(fields: dict[str, Any], hand: Hand) -> dict[str, Any] | None:
-    """The fields named after a hand (`left_joints_m`) without its name, and those of both."""
-    own = {k.removeprefix(f"{hand}_"): v for k, v in fields.items() if k.startswith(f"{hand}_")}
-    if not any(key in own for key in JOINT_KEYS):
-        return None
-    both = {k: v for k, v in fields.items() if not k.startswith(("left_", "right_"))}
-    return both | own | {"hand": hand}
+def _alone(fields: dict[str, Any]) -> dict[str, Any]:
+    """With the only array under the joints' name: np.savez without names calls it arr_0."""
+    arrays = [k for k, v in fields.items() if isinstance(v, np.ndarray) and v.ndim > 1]
+    if len(arrays) != 1 or arrays[0] != "arr_0":
+        return fields
+    return {("joints" if k == "arr_0" else k): v for k, v in fields.items()}
 
 
 def _scalar(value: Any) -> Any:

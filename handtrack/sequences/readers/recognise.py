@@ -6,7 +6,6 @@ import gzip
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -20,7 +19,6 @@ from handtrack.sequences.readers import (
     panoptic_tar,
     pickled,
     text_table,
-    xr,
 )
 from handtrack.sequences.readers.interhand import is_interhand, read_interhand
 from handtrack.sequences.readers.json_file import is_lines, read_json, read_lines
@@ -88,8 +86,8 @@ def read_bytes(data: bytes, path: Path, kind: str | None = None) -> list[Raw]:
         raise NotJointsError(
             "not a joint sequence: expected JSON, CSV, .npz, .npy, .mcap or a Panoptic .tar", path
         )
-    start = data.lstrip(_BLANK)[:1]
-    if start in (b"{", b"["):
+    start = data.lstrip(_BLANK)[:5]
+    if start[:1] in (b"{", b"[") or start.strip() == b"null":
         return _read_json(data, path)
     return text_table.read_table(data, path)
 
@@ -108,38 +106,21 @@ def _read_json(data: bytes, path: Path) -> list[Raw]:
     if freihand.FILE_NAME.fullmatch(path.name):
         return freihand.read_freihand(data, path)
     if is_lines(data):
-        first = data.lstrip(_BLANK).partition(b"\n")[0]
-        return _read_xr(data, path) if xr.is_frame(_value(first)) else read_lines(data, path)
-    if data.lstrip(_BLANK)[:1] == b"[":
-        if data.lstrip(_BLANK + b"[")[:1] == b"{" and xr.is_frame(_value(data)[0]):
-            return _read_xr(data, path)
+        return read_lines(data, path)
+    if data.lstrip(_BLANK)[:1] != b"{":
         return read_json(data, path)
     fields = decode(data, dict[str, msgspec.Raw], path)
     if "people" in fields:
         return panoptic.read_file(data, path)
-    if "frames" in fields:
+    if "frames" in fields and leap.is_leap(data):
         return leap.read_leap(data, path)
     if is_interhand(fields):
         return read_interhand(data, path)
     return read_json(data, path)
 
 
-def _value(data: bytes) -> Any:
-    """A JSON value; a list of nothing where it is none, for its reader to say why."""
-    try:
-        return msgspec.json.decode(data.lstrip(_BLANK))
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-        return [None]
-
-
-def _read_xr(data: bytes, path: Path) -> list[Raw]:
-    if is_lines(data):
-        lines = [(n, line) for n, line in enumerate(data.split(b"\n"), 1) if line.strip()]
-        values = [decode(line, Any, path, first_line=n) for n, line in lines]
-        return xr.read_frames(values, [f"line {n}" for n, _ in lines], path)
-    value = decode(data, Any, path)
-    values = value if isinstance(value, list) else [value]
-    return xr.read_frames(values, [f"frame {i}" for i in range(len(values))], path)
+def _read_any_json(data: bytes, path: Path) -> list[Raw]:
+    return read_lines(data, path) if is_lines(data) else read_json(data, path)
 
 
 FORMATS: dict[str, Callable[[bytes, Path], list[Raw]]] = {
@@ -151,8 +132,8 @@ FORMATS: dict[str, Callable[[bytes, Path], list[Raw]]] = {
     "dexycb": numpy_file.read_npz,
     "interhand": read_interhand,
     "assemblyhands": read_interhand,
-    "webxr": _read_xr,
-    "openxr": _read_xr,
+    "webxr": _read_any_json,
+    "openxr": _read_any_json,
     "leap": leap.read_leap,
     "fpha": text_table.read_table,
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,6 +27,7 @@ from handtrack.sequences.titles import (
 )
 
 _TO_SAY = 6
+_ARIA = re.compile(r"t[xyz]_(?:left|right)_landmark_\d+_device")
 _FEWEST = 4
 """A table of fewer joints is of something else: poses of wrists."""
 
@@ -54,6 +56,7 @@ class Columns:
     Attributes:
         hands: columns of each hand; None: of a hand that is not named.
         unit: the unit in the joints' titles.
+        order: the joints' order, where the titles are a format's.
         times: titles of times.
         frame, label, number: columns of frame numbers, of hands' names and numbers, or None.
         maybe_label: columns that may hold hands' names.
@@ -62,6 +65,7 @@ class Columns:
 
     hands: dict[Hand | None, HandColumns] = field(default_factory=dict)
     unit: Unit | None = None
+    order: str | None = None
     times: list[str] = field(default_factory=list)
     frame: int | None = None
     label: int | None = None
@@ -115,6 +119,12 @@ def read_columns(titles: list[str], path: Path) -> Columns:
         )
     _refuse_triples(found, path)
     found.unit = _unit([s for said_of in joints.values() for _, s in said_of], path)
+    if any(_ARIA.fullmatch(title.strip()) for title in titles):
+        found.order = "umetrack"
+    elif all(places.n_joints == ORDER_JOINTS["no-wrist"] for places in found.hands.values()):
+        found.order = "no-wrist"
+    elif all(places.named for places in found.hands.values()):
+        found.order = "handtrack"
     for c, hand in sure:
         for at in [hand] if hand in found.hands else list(found.hands):
             found.hands[at].confidence.setdefault(-1, c)
@@ -233,15 +243,10 @@ def _begin(numbers: set[int], title: str, path: Path) -> tuple[int, int]:
     """The first joint's number, 0 or 1, and how many joints there are."""
     last = max(numbers)
     counts = sorted(set(ORDER_JOINTS.values()))
-    if 0 in numbers:
-        n = next((k for k in (N_JOINTS, *counts) if k > last), None)
-        begin = 0
-    elif last in counts and last >= N_JOINTS:
-        begin, n = 1, last
-    elif last == N_JOINTS - 1 and 1 not in numbers:
-        begin, n = 0, N_JOINTS
-    else:
-        begin, n = 1, None
+    begin = 0 if 0 in numbers else 1
+    n: int | None = last + 1 - begin
+    if n not in counts:
+        n = N_JOINTS if begin == 0 and last < N_JOINTS else None
     if n is None:
         raise InputError(
             f"joints are numbered {min(numbers)} to {last} ({title}): expected 0 to 20 or 1 to 21,"

@@ -21,13 +21,11 @@ from handtrack.errors import InputError
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import as_side, words
 from handtrack.sequences.readers.bare_table import read_bare
-from handtrack.sequences.readers.fields import frame_numbers
+from handtrack.sequences.readers.fields import FINEST, frame_numbers
 from handtrack.sequences.readers.raw import Array, Raw, as_hand, stem, take_rows, usable_confidence
 from handtrack.sequences.readers.table_cells import MISSING, Table, read_cells
 from handtrack.sequences.readers.table_columns import Columns, HandColumns, read_columns
 from handtrack.sequences.titles import time_unit
-
-_FINEST = ("ns", "us", "ms", "s", "")
 
 
 def read_table(data: bytes, path: Path) -> list[Raw]:
@@ -66,6 +64,7 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
             confidence=confidence,
             hand=hand,
             unit=columns.unit,
+            order=columns.order,
             frame_index=frame,
             stamps=stamps,
             notes=tuple(notes),
@@ -102,7 +101,7 @@ def _stamps(table: Table, titles: list[str], columns: Columns) -> tuple[Stamps |
         if all(c.isdigit() for column in both for c in column):
             values = [int(s) * 10**9 + int(ns) for s, ns in zip(*both, strict=True)]
             return Stamps(np.array(values, dtype=np.int64), pair[0], "ns"), None
-    for unit in _FINEST:
+    for unit in FINEST:
         for title in columns.times:
             if time_unit(title) != unit:
                 continue

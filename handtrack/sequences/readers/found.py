@@ -1,0 +1,205 @@
+"""Hands in one frame of JSON, however deep they stand: a list of them, one under each side's name,
+joints under any of their names, or named joints themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from handtrack.hand.skeleton import Hand
+from handtrack.sequences.names import Unit, as_side
+from handtrack.sequences.readers.points import COUNTS, are_points
+from handtrack.sequences.titles import (
+    is_confidence,
+    is_hand_label,
+    is_hand_number,
+    joints_key,
+    may_be_hand_label,
+    side_key,
+)
+
+CONTAINERS: tuple[str, ...] = (
+    *("hands", "hand_data", "handData", "data", "payload", "msg", "message", "result", "results"),
+    *("hand_tracking", "handTracking", "tracking", "detections", "people", "hand_poses", "poses"),
+    *("hand", "frame"),
+)
+_DEEPEST = 6
+_TEXTS: tuple[str, ...] = (
+    "categoryName",
+    "category_name",
+    "label",
+    "displayName",
+    "display_name",
+    "name",
+    "hand",
+)
+_JOINTS_TOO = ("items", "bones", "pose")
+
+
+@dataclass
+class Found:
+    """One hand in one frame.
+
+    Attributes:
+        label: what tells left from right there, as it stands; None: nothing does.
+        number: the hand's number, where hands have one.
+        value: its joints, not yet read; None: not seen.
+        key: the name under which they stand; "" where they are named joints.
+        unit: the unit that the name states.
+        confidence: of the hand or of each joint, as it stands.
+        inside: the object in which they stand.
+    """
+
+    label: Any
+    number: str
+    value: Any
+    key: str
+    unit: Unit | None
+    confidence: Any
+    inside: dict[str, Any]
+
+
+def hands_in(frame: Any, label: Any = None, depth: int = 0) -> list[Found]:
+    """The hands of a frame, seen or not; none where nothing in it is a hand."""
+    if isinstance(frame, list):
+        if are_points(frame):
+            return [Found(label, "", frame, "", None, None, {})]
+        if depth > _DEEPEST:
+            return []
+        return [
+            f for one in frame if isinstance(one, dict) for f in hands_in(one, label, depth + 1)
+        ]
+    if not isinstance(frame, dict) or depth > _DEEPEST:
+        return []
+    said = _label(frame)
+    label = said if said is not None else label
+    sides = [(side, v) for k, v in frame.items() if (side := side_key(str(k))) is not None]
+    if sides and any(_is_hand(v) or v is None for _, v in sides):
+        return [f for side, v in sides for f in _of_side(side, v, depth)]
+    keys = _joint_keys(frame)
+    if keys:
+        return [f for key in keys for f in _under(frame, key, label)]
+    if are_points(frame):
+        return [_found(frame, frame, "", label)]
+    for key in (*CONTAINERS, *_JOINTS_TOO):
+        inner = frame.get(key)
+        if isinstance(inner, dict) or (isinstance(inner, list) and key != "hand"):
+            found = hands_in(inner, label, depth + 1)
+            if found:
+                return found
+    return []
+
+
+def names_hands(frame: Any) -> bool:
+    """Whether a frame has a place for each hand, and not only for the one that it is of."""
+    if not isinstance(frame, dict):
+        return isinstance(frame, list) and bool(frame) and isinstance(frame[0], dict)
+    if any(isinstance(frame.get(k), list) for k in CONTAINERS):
+        return True
+    return sum(side_key(str(k)) is not None for k in frame) > 1
+
+
+def side_of(label: Any) -> Hand | None:
+    """A label, in any of the ways in which MediaPipe and others give it, as a hand."""
+    return next((side for text in _texts(label) if (side := as_side(text)) is not None), None)
+
+
+def _texts(label: Any, depth: int = 0) -> Iterator[Any]:
+    if isinstance(label, dict):
+        for key in _TEXTS:
+            yield label.get(key)
+        if depth < 3:
+            for value in label.values():
+                yield from _texts(value, depth + 1) if isinstance(value, list | dict) else ()
+    elif isinstance(label, list):
+        for value in label[:1]:
+            yield from _texts(value, depth + 1)
+    else:
+        yield label
+
+
+def _label(frame: dict[str, Any]) -> Any:
+    """What tells left from right in an object."""
+    for key, value in frame.items():
+        if value is None:
+            continue
+        if isinstance(value, bool):
+            bare = str(key).lower().replace("_", "")
+            if bare in ("isright", "isleft", "isrighthand", "islefthand"):
+                return "right" if value == ("right" in bare) else "left"
+        elif is_hand_label(str(key)) and not _holds_hands(value):
+            return value
+    return next(
+        (
+            value
+            for key, value in frame.items()
+            if isinstance(value, str) and may_be_hand_label(str(key)) and as_side(value)
+        ),
+        None,
+    )
+
+
+def _holds_hands(value: Any) -> bool:
+    """Whether a value under a name of labels is no label, but the hands themselves."""
+    if isinstance(value, dict):
+        return _is_hand(value) or side_of(value) is None
+    return isinstance(value, list) and any(_is_hand(v) for v in value[:2])
+
+
+def _is_hand(value: Any) -> bool:
+    return are_points(value) or bool(isinstance(value, dict) and hands_in(value))
+
+
+def _of_side(side: Hand, value: Any, depth: int) -> list[Found]:
+    inner = hands_in(value, side, depth + 1)
+    for found in inner:
+        found.label = side
+    if inner or value is None or value in ([], {}) or isinstance(value, bool):
+        return inner or [Found(side, "", None, "", None, None, {})]
+    return []
+
+
+def _joint_keys(frame: dict[str, Any]) -> list[str]:
+    """The names in an object under which joints stand: MediaPipe's world landmarks and not those
+    in the picture; the seen ones."""
+    said = {k: s for k in frame if (s := joints_key(str(k))) is not None and not s.truth}
+    worlds = [k for k, s in said.items() if s.world and frame[k] is not None]
+    if worlds and len(said) > len(worlds):
+        return worlds
+    seen = [k for k in said if frame[k] is not None]
+    return seen or list(said)[:1]
+
+
+def _under(frame: dict[str, Any], key: str, label: Any) -> list[Found]:
+    value, said = frame[key], joints_key(key)
+    side = None if said is None else said.hand
+    label = label if side is None else side
+    if value == [] or value is None:
+        return [_found(frame, None, key, label)] if value is None or label is not None else []
+    if not _is_several(value):
+        return [_found(frame, value, key, label)]
+    found = []
+    for i, one in enumerate(value):
+        own = label[i] if isinstance(label, list) and i < len(label) else label
+        found.append(_found(frame, one, key, own))
+        if side_of(own) is None:
+            found[-1].number = str(i)
+    return found
+
+
+def _is_several(value: Any) -> bool:
+    """Whether a list is of hands, not of joints."""
+    if not isinstance(value, list) or are_points(value):
+        return False
+    return len(value) <= 4 and any(isinstance(v, list) and len(v) in COUNTS for v in value)
+
+
+def _found(frame: dict[str, Any], value: Any, key: str, label: Any) -> Found:
+    said = joints_key(key) if key else None
+    number = next((v for k, v in frame.items() if is_hand_number(str(k)) and v is not None), "")
+    sure = next((v for k, v in frame.items() if is_confidence(str(k)) and v is not None), None)
+    if sure is None:
+        tracked = ("isTracked", "is_tracked", "tracked", "isValid", "is_valid", "isActive")
+        sure = next((frame[k] for k in tracked if isinstance(frame.get(k), bool)), None)
+    return Found(label, str(number), value, key, said.unit if said else None, sure, frame)

@@ -1,0 +1,341 @@
+"""Frames of hands in JSON, one record each, as sequences: one of each hand.
+
+What a source is, whose hand, how fast: the records that hold something say it; one that holds
+nothing (null, {}, [], a hand that is null) is a frame in which nothing was seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Items
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.errors import InputError
+from handtrack.hand.skeleton import Hand
+from handtrack.sequences.clock import Stamps
+from handtrack.sequences.readers.fields import FINEST, as_frames, frame_numbers
+from handtrack.sequences.readers.found import Found, hands_in, names_hands, side_of
+from handtrack.sequences.readers.points import are_points, read_points
+from handtrack.sequences.readers.raw import (
+    Array,
+    NotJointsError,
+    Raw,
+    as_fps,
+    as_hand,
+    as_unit,
+    stem,
+    usable_confidence,
+)
+from handtrack.sequences.titles import is_frame_number, looks_meant, time_unit
+
+_HEADERS = ("header", "stamp", "meta", "metadata")
+
+
+class Key(NamedTuple):
+    """What tells one hand's records from another's."""
+
+    hand: Hand | None
+    number: str
+
+
+@dataclass
+class _Hand:
+    """One hand's records."""
+
+    rows: list[int] = field(default_factory=list)
+    found: dict[int, Found] = field(default_factory=dict)
+
+
+def read_records(
+    values: Items[Any],
+    places: Items[str],
+    path: Path,
+    about: dict[str, Any] | None = None,
+    logged: Stamps | None = None,
+) -> list[Raw]:
+    """The sequences of frames, one per hand.
+
+    Args:
+        values: decoded frames.
+        places: where each stands, for messages ("line 3").
+        path: the file.
+        about: what the file says of all of them: unit, order, fps, hand, name, subject.
+        logged: times from outside of the records, where they have none.
+
+    Raises:
+        NotJointsError: no hand in any frame.
+        InputError: a frame or a joint that cannot be read.
+    """
+    about = about or {}
+    hands = _grouped(values, places, path, about)
+    _refuse_meant(values, places, path)
+    said = {k: _first(values, k, about) for k in ("unit", "order", "fps", "name", "subject")}
+    raws = []
+    for key, hand in hands.items():
+        joints, confidence = _joints(hand, places, path)
+        raw = Raw(joints, path, str(said["name"] or stem(path)), hand=key.hand)
+        raw.confidence = confidence
+        units = {f.unit for f in hand.found.values() if f.value is not None and f.unit}
+        if len(units) > 1:
+            raise InputError("the joints' names state different units", path)
+        raw.unit = units.pop() if units else None
+        if raw.unit is None and said["unit"] is not None:
+            raw.unit = as_unit(said["unit"], path)
+        raw.order = None if said["order"] is None else str(said["order"])
+        raw.fps = None if said["fps"] is None else as_fps(said["fps"], path)
+        raw.subject = str(said["subject"] or "")
+        if key.number and sum(k.hand == key.hand for k in hands) > 1:
+            raw.name = f"{raw.name} hand {key.number}"
+        rows = [values[i] for i in hand.rows]
+        inside = [hand.found[i].inside if i in hand.found else None for i in hand.rows]
+        at = [places[i] for i in hand.rows]
+        own = stamps_of(rows, at) or stamps_of(inside, at)
+        raw.stamps = own or (None if logged is None else logged.take(hand.rows))
+        raw.frame_index = _frame_index(rows, path)
+        raws.append(raw)
+    return raws
+
+
+def _first(values: Items[Any], name: str, about: dict[str, Any]) -> Any:
+    found = (v[name] for v in values if isinstance(v, dict) and v.get(name) is not None)
+    value = next((v for v in found if isinstance(v, str | int | float)), None)
+    return about.get(name) if value is None else value
+
+
+def _grouped(
+    values: Items[Any], places: Items[str], path: Path, about: dict[str, Any]
+) -> dict[Key, _Hand]:
+    """The records of each hand, in order of their names."""
+    found: list[list[tuple[Key, Found]]] = []
+    for value, place in zip(values, places, strict=True):
+        if not isinstance(value, dict | list | None):
+            raise InputError(f"{place} is no frame: expected an object or a list", path)
+        found.append([(_key(f, place, path, about), f) for f in hands_in(value)])
+    _check_kinds(values, places, found, path)
+    seen = {key for of in found for key, f in of if f.value is not None}
+    if not seen:
+        raise NotJointsError(_nothing(values, places), path)
+    named: set[Hand | None] = {key.hand for key in seen if key.hand} or {
+        key.hand for of in found for key, _ in of
+    }
+    by_number = any(len({k.hand for k, _ in of}) < len(of) for of in found) or not any(named)
+    hands: dict[Key, _Hand] = {}
+    for i, of in enumerate(found):
+        for key, one in of:
+            side = key.hand
+            if side is None and len(named) == 1:
+                side = next(iter(named))  # it was not named while it was not seen
+            if side is None and one.value is None:
+                continue
+            key = Key(side, key.number if by_number else "")
+            hand = hands.setdefault(key, _Hand())
+            if i in hand.found:
+                raise InputError(f"{places[i]}: two {side or 'unnamed'} hands", path)
+            hand.found[i] = one
+    together = any(len(of) > 1 for of in found) or any(map(names_hands, values))
+    for hand in hands.values():
+        # a file of one hand a line: the other's lines are not its frames
+        everything = together or len(hands) == 1
+        hand.rows = list(range(len(values))) if everything else sorted(hand.found)
+    kept = {k: h for k, h in hands.items() if any(f.value is not None for f in h.found.values())}
+    return dict(sorted(kept.items(), key=lambda item: (item[0].hand or "", item[0].number)))
+
+
+def _key(found: Found, place: str, path: Path, about: dict[str, Any]) -> Key:
+    label = about.get("hand", about.get("handedness")) if found.label is None else found.label
+    if label is None or label == "":
+        return Key(None, found.number)
+    side = side_of(label)
+    if side is None:
+        if str(label) in ("0", "1") and not isinstance(label, str | bool):
+            return Key(None, found.number or str(label))
+        if isinstance(label, list) and not label:
+            return Key(None, found.number)
+        return Key(as_hand(label, path, f"{place}: hand"), found.number)
+    return Key(side, found.number)
+
+
+def _check_kinds(
+    values: Items[Any], places: Items[str], found: list[list[tuple[Key, Found]]], path: Path
+) -> None:
+    """Lists among objects are frames like them, or nothing is."""
+    if not any(isinstance(v, dict) for v in values):
+        return
+    for value, place, of in zip(values, places, found, strict=True):
+        if isinstance(value, list) and value and not of:
+            raise InputError(f"{place} is not an object, others are", path)
+
+
+def _nothing(values: Items[Any], places: Items[str]) -> str:
+    full = [(v, p) for v, p in zip(values, places, strict=True) if isinstance(v, dict) and v]
+    if not full:
+        return "every frame is missing"
+    value, place = max(full[:50], key=lambda pair: len(pair[0]))
+    there = ", ".join(str(k)[:30] for k in list(value)[:8])
+    return f"no joints in it: expected joints_m or joints, {place} has {there}"
+
+
+def _joints(hand: _Hand, places: Items[str], path: Path) -> tuple[Array, Array | None]:
+    """(T, N, 3) and (T, N) of one hand; frames in which it was not seen are NaN."""
+    at = [k for k, i in enumerate(hand.rows) if i in hand.found and hand.found[i].value is not None]
+    given = [hand.found[hand.rows[k]] for k in at]
+    where = [places[hand.rows[k]] for k in at]
+    frames, sure = _together(given, where, path) or _one_by_one(given, where, path)
+    joints = np.full((len(hand.rows), *frames.shape[1:]), np.nan)
+    joints[at] = frames
+    confidence = np.ones(joints.shape[:2])
+    if sure is not None:
+        confidence[at] = sure
+    whole = _whole_confidence(given, where, frames.shape[1], path)
+    if sure is None and whole is None:
+        return joints, None
+    if whole is not None:
+        confidence[at] *= whole
+    return joints, usable_confidence(confidence)
+
+
+def _together(given: list[Found], places: list[str], path: Path) -> tuple[Array, None] | None:
+    """Lists of numbers all at once, which is fast; None where they are anything else."""
+    if not all(isinstance(f.value, list) and f.value and _plain(f.value) for f in given):
+        return None
+    try:
+        array = np.array([f.value for f in given], dtype=np.float64)
+    except (ValueError, TypeError, OverflowError):
+        return None
+    if array.ndim == 4 and array.shape[1] == 1:
+        array = array[:, 0]
+    if array.ndim == 3 and array.shape[2] != 3:
+        return None
+    if array.ndim not in (2, 3):
+        return None
+    key = given[0].key or "the list"
+    return as_frames(array, path, f"{places[0]}: {key}"), None
+
+
+def _plain(value: list[Any]) -> bool:
+    return isinstance(value[0], list | int | float)
+
+
+def _one_by_one(given: list[Found], places: list[str], path: Path) -> tuple[Array, Array | None]:
+    frames: list[Array] = []
+    sure: list[Array] = []
+    any_sure = False
+    for found, place in zip(given, places, strict=True):
+        what = f"{place}: {found.key}" if found.key else place
+        if isinstance(found.value, dict) or are_points(found.value):
+            points = read_points(found.value, what if found.key else place, path)
+            joints, confidence = points.joints, points.confidence
+        else:
+            whole = as_frames(found.value, path, what)
+            if len(whole) != 1:
+                raise InputError(f"{what} holds {len(whole)} frames, expected one", path)
+            joints, confidence = whole[0], None
+        if frames and joints.shape != frames[0].shape:
+            raise InputError(
+                f"{place} has {len(joints)} joints, others have {len(frames[0])}", path
+            )
+        any_sure = any_sure or confidence is not None
+        frames.append(joints)
+        sure.append(np.ones(len(joints)) if confidence is None else confidence)
+    return np.stack(frames), np.stack(sure) if any_sure else None
+
+
+def _whole_confidence(given: list[Found], places: list[str], n: int, path: Path) -> Array | None:
+    """(T, N) of what stands beside the joints; frames without one count fully."""
+    if all(f.confidence is None for f in given):
+        return None
+    rows = np.ones((len(given), n))
+    for row, found, place in zip(rows, given, places, strict=True):
+        if found.confidence is None or isinstance(found.confidence, dict):
+            continue
+        try:
+            array = np.array(found.confidence, dtype=np.float64)
+        except (ValueError, TypeError, OverflowError):
+            raise InputError(f"{place}: confidence is not a list of numbers", path) from None
+        if array.shape not in ((), (1,), (n,)):
+            raise InputError(f"{place}: confidence has shape {array.shape}, expected ({n},)", path)
+        row[:] = array
+    return rows
+
+
+def stamps_of(frames: Items[Any], places: Items[str]) -> Stamps | None:
+    """The times that frames hold; None where none does."""
+    columns: dict[tuple[str, ...], None] = {}
+    for frame in frames:
+        if not isinstance(frame, dict):
+            continue
+        for key, value in frame.items():
+            if value is None or isinstance(value, bool | list):
+                continue
+            if isinstance(value, dict) and key in _HEADERS and not _is_ros(value):
+                columns |= {(key, k): None for k, v in value.items() if _is_time(k, v)}
+            elif _is_time(key, value):
+                columns[(key,)] = None
+    if not columns:
+        return None
+    keys = min(columns, key=lambda c: FINEST.index(time_unit(c[-1]) or ""))
+    values = []
+    for frame in frames:
+        value = frame
+        for key in keys:
+            value = value.get(key) if isinstance(value, dict) else None
+        values.append(value)
+    unit = time_unit(keys[-1])
+    return Stamps(values, keys[-1], unit or None, list(places))
+
+
+def _is_time(key: str, value: Any) -> bool:
+    if isinstance(value, bool | list) or value is None or time_unit(str(key)) is None:
+        return False
+    return not isinstance(value, dict) or _is_ros(value)
+
+
+def _is_ros(value: dict[str, Any]) -> bool:
+    return any(k in value for k in ("sec", "secs")) and len(value) <= 2
+
+
+def _frame_index(frames: Items[Any], path: Path) -> NDArray[np.int64] | None:
+    """Frame numbers, where the frames have them; between neighbours' where one has nothing."""
+    key = next(
+        (
+            k
+            for f in frames
+            if isinstance(f, dict)
+            for k, v in f.items()
+            if is_frame_number(str(k)) and isinstance(v, int | float)
+        ),
+        None,
+    )
+    if key is None:
+        return None
+    given = [f.get(key) if isinstance(f, dict) else None for f in frames]
+    known = [i for i, v in enumerate(given) if v is not None]
+    numbers = frame_numbers([given[i] for i in known], len(known), path, key)
+    if len(known) == len(given):
+        return numbers
+    out = np.interp(np.arange(len(given)), known, numbers.astype(np.float64))
+    out += np.minimum(np.arange(len(given)) - known[0], 0)
+    out += np.maximum(np.arange(len(given)) - known[-1], 0)
+    if (out != np.round(out)).any() or (np.diff(out) <= 0).any():
+        return None
+    return out.astype(np.int64)
+
+
+def _refuse_meant(values: Items[Any], places: Items[str], path: Path) -> None:
+    """Refuse keys that look like a time or a hand and are not understood."""
+    kinds = {tuple(v): i for i, v in reversed(list(enumerate(values))) if isinstance(v, dict)}
+    for keys, i in kinds.items():
+        for key in keys:
+            if values[i][key] is None or time_unit(str(key)) is not None:
+                continue
+            kind = looks_meant(str(key))
+            if kind in ("a time", "a hand") and isinstance(values[i][key], int | float | str):
+                raise InputError(
+                    f"{places[i]}: {str(key)[:40]!r} looks like {kind} and is not understood: name"
+                    f" it {'time_s' if kind == 'a time' else 'hand'}, or leave it out",
+                    path,
+                )
