@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from screens import lacking
 
 import handtrack as ht
 from handtrack.evaluation.compare import compare
@@ -107,7 +108,7 @@ def test_long_series_stay_small_and_keep_what_stands_out():
 @pytest.fixture(scope="module")
 def browser():
     if BROWSER is None:
-        pytest.skip("no Chromium: the page is not opened")
+        lacking("browser", "no Chromium, the page is not opened")
     return BROWSER
 
 

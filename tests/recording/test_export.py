@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from foreign_formats import Bvh, Glb
 from made_tracks import make_track, with_skin, without_skin
+from screens import lacking
 
 import handtrack as ht
 from handtrack.cli import run
@@ -67,10 +68,10 @@ def validate(path: Path) -> None:
         ".then(r => console.log(JSON.stringify(r.issues)))"
     )
     if shutil.which("node") is None:
-        pytest.skip("the Khronos validator needs node")
+        lacking("node", "the Khronos validator needs it")
     done = subprocess.run(["node", "-e", code, str(path)], capture_output=True, text=True)
     if "Cannot find module" in done.stderr:
-        pytest.skip("the Khronos validator is not there (npm install gltf-validator, NODE_PATH)")
+        lacking("node", "the Khronos validator is not there (npm install gltf-validator)")
     issues = json.loads(done.stdout)
     assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"]
 

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from made_tracks import make_track
 from recording_checks import decoder, messages
+from screens import lacking
 
 from handtrack.recording.recorder import McapRecorder
 from handtrack.recording.tracks import write_mcap
@@ -40,7 +41,7 @@ def test_typescript(written: Path, two_hands: list[Track], tmp_path: Path) -> No
     modules = os.environ.get("NODE_PATH", "")
     node = shutil.which("node")
     if node is None or not Path(modules, "@mcap", "core").is_dir():
-        pytest.skip("node or its packages are not there (NODE_PATH)")
+        lacking("node", "it or its packages are not there (NODE_PATH)")
     # node looks for packages beside the script
     (tmp_path / "node_modules").symlink_to(modules)
     script = shutil.copy(CHECK, tmp_path)
