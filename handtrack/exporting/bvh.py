@@ -20,6 +20,14 @@ UNITS = {"cm": 1e2, "m": 1.0, "mm": 1e3}
 
 _UNEVEN = 0.25
 """Frames farther than this share of a step from an even grid are brought onto it."""
+_LONG_S = 10.0
+"""A time without frames that is longer than this would only be a hand that stands still [s]."""
+_SHORT_S = 1.0
+"""What such times are shortened to [s]."""
+_MOST = 20
+"""Frames on the grid for each frame of the motion, at most ..."""
+_FREE = 1000
+"""... and these."""
 _FIXED = 6  # digits after the point
 _BLOCK = 4096  # frames turned into text at a time
 
@@ -33,7 +41,8 @@ def write_bvh(model: HandModel, moved: Motion, path: Path, unit: str = "cm") -> 
     The tips are end sites.
 
     BVH knows one frame time only. Where the frames do not come evenly, the motion is brought
-    onto an even grid of the median step, between frames by interpolation.
+    onto an even grid of the median step, between frames by interpolation. Times of more than
+    10 s without frames are shortened to 1 s, so that no gap fills the file.
 
     Args:
         model: its rest joints give the offsets.
@@ -135,7 +144,11 @@ def _even(moved: Motion) -> tuple[float, Motion, str]:
     if np.abs(time - time[0] - step * np.arange(len(time))).max() <= _UNEVEN * step:
         return step, moved, ""
     step = float(np.median(np.diff(time)))
+    time, note = _shortened(time, step)
     count = int(np.floor((time[-1] - time[0]) / step + 1e-6)) + 1
+    if count > _MOST * len(time) + _FREE:  # bursts of frames far apart: a coarser grid
+        count = _MOST * len(time) + _FREE
+        step = float(time[-1] - time[0]) / (count - 1)
     grid = time[0] + step * np.arange(count)
     after = np.clip(np.searchsorted(time, grid, "left"), 1, len(time) - 1)
     share = np.clip((grid - time[after - 1]) / (time[after] - time[after - 1]), 0, 1)
@@ -144,5 +157,19 @@ def _even(moved: Motion) -> tuple[float, Motion, str]:
     turn = matrix_to_vector(before.swapaxes(-1, -2) @ moved.rotations[after])
     rotations = before @ vector_to_matrix(share[:, None, None] * turn)
     held = np.where(share < 0.5, moved.held[after - 1], moved.held[after])
-    note = f"uneven times: brought onto an even grid of {1 / step:.2f} frames/s ({count} frames)"
-    return step, Motion(grid, wrist, rotations, held), note
+    even = f"uneven times: brought onto an even grid of {1 / step:.2f} frames/s ({count} frames)"
+    return step, Motion(grid, wrist, rotations, held), f"{even}{note}"
+
+
+def _shortened(time: Array, step: float) -> tuple[Array, str]:
+    """The times with long gaps made short, and what to say of it."""
+    steps = np.diff(time)
+    long = steps > max(_LONG_S, 2 * step)
+    if not long.any():
+        return time, ""
+    left_out = float((steps[long] - max(_SHORT_S, step)).sum())
+    steps[long] = max(_SHORT_S, step)
+    count = int(long.sum())
+    gaps = f"{count} gap{'s' * (count > 1)}"
+    note = f"; {gaps} of more than {_LONG_S:.0f} s shortened, {left_out:,.0f} s left out"
+    return time[0] + np.concatenate([[0.0], np.cumsum(steps)]), note

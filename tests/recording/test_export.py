@@ -129,6 +129,29 @@ def test_bvh_of_uneven_times_goes_onto_a_grid(tmp_path: Path) -> None:
     assert off.max() < 0.004
 
 
+@pytest.mark.parametrize("gap_s", [600, 86_400 * 365, 50 * 86_400 * 365])
+def test_bvh_of_a_long_gap_is_short(gap_s: int, tmp_path: Path) -> None:
+    track = make_track(60, lost=slice(0, 0))
+    time_ns = track.time_ns.copy()
+    time_ns[30:] += gap_s * 10**9
+    (file,) = ht.export(dataclasses.replace(track, time_ns=time_ns), tmp_path / "x.bvh")
+    assert "1 gap of more than 10 s shortened" in file.notes[-1]
+    assert f"{gap_s - 1:,} s left out" in file.notes[-1]
+    found = bvh_joints(file.path, 0.01)
+    assert len(found) == 60 + 29  # a second between frames 29 and 30
+    for rows, there in ((slice(0, 30), slice(0, 30)), (slice(59, None), slice(30, None))):
+        assert np.abs(found[rows] - track.filtered_joints[there]).max() < 1e-5
+
+
+def test_bvh_of_bursts_has_a_coarser_grid(tmp_path: Path) -> None:
+    track = make_track(60, lost=slice(0, 0))
+    # ten bursts of six frames, a millisecond apart in each, nine seconds between
+    time_ns = (np.arange(60) % 6 + 9000 * (np.arange(60) // 6)) * 10**6
+    (file,) = ht.export(dataclasses.replace(track, time_ns=time_ns), tmp_path / "x.bvh")
+    assert len(Bvh(file.path).values) == 20 * 60 + 1000
+    assert "(2200 frames)" in file.notes[-1]
+
+
 @pytest.mark.parametrize("hand", ["right", "left"])
 def test_glb_moves_the_same_joints_and_skin(hand: str, tmp_path: Path) -> None:
     track = tumbling(make_track(50, hand))
