@@ -31,9 +31,10 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--match",
-    type=click.Choice(["auto", "frame", "time"]),
+    type=click.Choice(["auto", "frame", "time", "position"]),
     default="auto",
-    help="What frames of estimate and truth belong together by; auto: frame numbers, else time.",
+    help="What frames of estimate and truth belong together by; auto: numbers and times that both"
+    " files give, else position where there are as many.",
 )
 @click.option("--compare", is_flag=True, help="Every FILE is a method of its own.")
 @click.option("--csv", type=click.Path(path_type=Path), help="Write the table as .csv.")

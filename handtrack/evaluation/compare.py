@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from handtrack.errors import InputError
 from handtrack.evaluation.arrays import Array
 from handtrack.evaluation.bootstrap import Intervals, Uncertain, difference
-from handtrack.evaluation.matching import match_frames, same_name
+from handtrack.evaluation.frame_match import match_frames
+from handtrack.evaluation.matching import same_name
 from handtrack.evaluation.measure import summary
 from handtrack.evaluation.results import Against, Frames, Stability, StabilityReport
 
@@ -253,7 +254,7 @@ def _common(group: list[Stability], names: list[str]) -> list[_Part]:
     picks: list[NDArray[np.int64]] = [np.arange(len(materials[0]))]
     for name, other in zip(names[1:], materials[1:], strict=True):
         try:
-            i, j = match_frames(materials[0], other)
+            i, j, _ = match_frames(materials[0], other)
         except InputError as problem:
             raise InputError(f"{names[0]} and {name}, {group[0].name}: {problem}") from None
         place = np.full(len(materials[0]), -1)

@@ -46,6 +46,7 @@ class Estimate:
         observed: (T, 21, 3) what the joints were made from, or None.
         truth: (T, 21, 3) that came with them, or None.
         angles: (T, 20) [rad] or None, with the limits they should keep.
+        timed, numbered: whether times and numbers are the source's (as in `Sequence`).
     """
 
     name: str
@@ -58,6 +59,8 @@ class Estimate:
     truth: Array | None = None
     angles: Array | None = None
     limits: Limits | None = None
+    timed: bool = True
+    numbered: bool = True
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -80,6 +83,8 @@ class Estimate:
             _known(track.truth),
             track.angles,
             track.model.limits,
+            track.timed,
+            track.numbered,
         )
 
     @staticmethod
@@ -94,6 +99,8 @@ class Estimate:
             sequence.joints,
             (seen, 0, len(sequence) - seen),
             truth=_known(sequence.truth),
+            timed=sequence.timed,
+            numbered=sequence.numbered,
         )
 
 
@@ -170,6 +177,8 @@ def measure(
             aligned,
             estimate.angles,
             estimate.limits,
+            estimate.timed,
+            estimate.numbered,
         ),
     )
 

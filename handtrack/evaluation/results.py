@@ -59,6 +59,7 @@ class Frames:
             estimate was measured against nothing.
         joint_errors_mm: (T, 21) errors after similarity alignment of each frame.
         angles: (T, 20) [rad] or None; limits: those of the hand.
+        timed, numbered: whether times and numbers are the source's (as in `Sequence`).
     """
 
     time_ns: NDArray[np.int64]
@@ -68,6 +69,8 @@ class Frames:
     joint_errors_mm: Array
     angles: Array | None = None
     limits: Limits | None = None
+    timed: bool = True
+    numbered: bool = True
 
     def __len__(self) -> int:
         return len(self.time_ns)

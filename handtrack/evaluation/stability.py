@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike
 
 from handtrack.errors import InputError
 from handtrack.evaluation.arrays import sequence_of_points
-from handtrack.evaluation.matching import match_frames, rate_problem, truth_problem
+from handtrack.evaluation.frame_match import match_frames, rate_problem
+from handtrack.evaluation.matching import truth_problem
 from handtrack.evaluation.measure import Estimate, measure, pool
 from handtrack.evaluation.results import Against, Spread, Stability, StabilityReport
 from handtrack.hand.skeleton import N_JOINTS, Hand
@@ -82,7 +83,7 @@ def stability_of_pair(
     Args:
         estimate: the joints to judge; of a track its filtered ones.
         truth: the joints to judge by; its `joints`, not its `truth`, are used.
-        match: "frame" numbers, "time", or "auto" (see `match_frames`).
+        match: "frame" numbers, "time", "position" or "auto" (see `match_frames`).
 
     Raises:
         InputError: the two are of different hands, have too few frames in common, or the
@@ -94,7 +95,7 @@ def stability_of_pair(
     if estimate.hand != truth.hand:
         raise InputError(f"{where}: a {estimate.hand} hand against a {truth.hand} one")
     try:
-        i, j = match_frames(estimate, truth, match)
+        i, j, how = match_frames(estimate, truth, match)
     except InputError as problem:
         raise InputError(f"{where}: {problem}") from None
     wrong = rate_problem(estimate, truth, estimate.joints, truth.joints, match)
@@ -105,7 +106,7 @@ def stability_of_pair(
     wrong = truth_problem(estimate.joints[i], truth.joints[j])
     if wrong:
         raise InputError(f"{where}: {wrong}")
-    notes = []
+    notes = [how] if how else []
     if len(i) < len(estimate):
         notes.append(f"{len(estimate) - len(i)} of {len(estimate)} frames have no truth")
     if len(j) < len(truth):

@@ -35,6 +35,8 @@ def input_of(stored: Track) -> Sequence:
         name=stored.name,
         source=stored.source,
         subject=stored.subject,
+        timed=stored.timed,
+        numbered=stored.numbered,
         remarks=tuple(Remark(*remark) for remark in _listed(stored.settings.get("remarks"))),
     )
 

@@ -148,6 +148,21 @@ class Track:
         return len(self.time_ns)
 
     @property
+    def timed(self) -> bool:
+        """Whether the source said how fast time goes; else a rate was assumed."""
+        return "time" not in self._assumed
+
+    @property
+    def numbered(self) -> bool:
+        """Whether `frame_index` is the source's; else frames were counted."""
+        return "frame numbers" not in self._assumed
+
+    @property
+    def _assumed(self) -> list[object]:
+        said = self.settings.get("assumed")
+        return said if isinstance(said, list) else []
+
+    @property
     def filtered(self) -> bool:
         """Whether an angle filter made `angles` differ from `angles_raw`."""
         return self.settings.get("filter", "none") != "none"

@@ -388,6 +388,10 @@ def track(
     if sequence.remarks:
         # what was done to the input is not seen in it, and belongs to the result
         settings["remarks"] = [[r.first_ns, r.last_ns, r.text] for r in sequence.remarks]
+    # what the source does not say of time, so that nobody compares by it
+    assumed = {"time": not sequence.timed, "frame numbers": not sequence.numbered}
+    if any(assumed.values()):
+        settings["assumed"] = [name for name, is_so in assumed.items() if is_so]
 
     def made(part: slice, frames: list[TrackedFrame], events: list[Event]) -> Track:
         return track_of_frames(
