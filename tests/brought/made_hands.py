@@ -137,6 +137,15 @@ def finger_missing(b: Brought, finger: int, mark: float | None = None) -> Brough
     return every(b, change)
 
 
+def joined(one: Brought, child: int, parent: int) -> Brought:
+    """A bone of no length: its end counts as not seen."""
+    joints = one.joints.copy()
+    joints[:, child] = joints[:, parent]
+    expected = one.expected.copy()
+    expected[:, child] = np.nan
+    return one.but(joints=joints, expected=expected)
+
+
 def unsure(b: Brought, seed: int = 6) -> Brought:
     """Confidence 0 where the joint is five centimetres off."""
 

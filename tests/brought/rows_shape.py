@@ -13,6 +13,7 @@ from made_hands import (
     brought,
     every,
     finger_missing,
+    joined,
     mirrored,
     ordered,
     scaled,
@@ -191,14 +192,6 @@ ROWS.add(
 )
 
 # ---- hands that hardly are one ----
-
-
-def joined(one: Brought, child: int, parent: int) -> Brought:
-    joints = one.joints.copy()
-    joints[:, child] = joints[:, parent]
-    expected = one.expected.copy()
-    expected[:, child] = np.nan
-    return one.but(joints=joints, expected=expected)
 
 
 for child, parent in ((4, 3), (1, 0), (12, 11), (17, 0), (20, 19)):
