@@ -58,14 +58,14 @@ class Outcome:
     why: str = ""
 
 
-def command(*arguments: str) -> tuple[int, str]:
-    """Run `handtrack` in this process: exit status and stderr."""
+def command(*arguments: str) -> tuple[int, str, str]:
+    """Run `handtrack` in this process: exit status, stderr and stdout."""
     out, err = io.StringIO(), io.StringIO()
     streams = contextlib.redirect_stdout(out), contextlib.redirect_stderr(err)
     with streams[0], streams[1], warnings.catch_warnings():
         warnings.simplefilter("always")
         status = run(list(arguments))
-    return status, err.getvalue()
+    return status, err.getvalue(), out.getvalue()
 
 
 def judge(made: Any, folder: Path) -> Outcome:
@@ -73,7 +73,7 @@ def judge(made: Any, folder: Path) -> Outcome:
     path = made.make(folder)
     recording = folder / "out.mcap"
     try:
-        status, said = command(
+        status, said, _ = command(
             *("track", str(path), "-o", str(recording), "--mesh", "none", *made.arguments)
         )
         if status == 0:

@@ -239,7 +239,7 @@ def _title_lines(lines: list[str], separator: str | None) -> int:
             continue
         if numbers and len(numbers) >= len(full) / 2:
             return n
-        if not full and n:
+        if n and (not full or _under(cells, _cells(lines[n - 1], separator))):
             return n  # a frame in which nothing was seen
     return 1
 
@@ -247,6 +247,14 @@ def _title_lines(lines: list[str], separator: str | None) -> int:
 def _blank(line: str, separator: str | None) -> bool:
     """Whether all cells of a line are missing."""
     return all(c.lower() in MISSING for c in _cells(line, separator))
+
+
+def _under(cells: list[str], titles: list[str]) -> bool:
+    """Whether few cells are full, each under its title in a line of titles: a hand's name."""
+    full = [c for c, cell in enumerate(cells) if cell.lower() not in MISSING]
+    titled = [bool(title) for title in titles]
+    few = 3 * len(full) < len(cells) and sum(titled) > 0.9 * len(cells)
+    return few and all(c < len(titled) and titled[c] for c in full)
 
 
 def _counts(cells: list[str]) -> bool:
