@@ -33,6 +33,8 @@ _NOTHING, _MOVES = 1e-4, 0.05
 _UNEVEN, _EVENED, _OTHER_SCALE = 0.04, 0.7, 0.85
 # a drift is a trend of the logarithm of the scale, and most of its change; a jump is no drift
 _DRIFT, _TREND, _JUMP = 0.12, 0.8, 1.1
+# detections of one camera breathe by 0.08, and their bones by as much on their own
+_BREATHES = 0.12
 
 
 def world_doubts(joints: Array, path: Path) -> list[str]:
@@ -162,9 +164,16 @@ def _scale(lengths: _Lengths, path: Path) -> str | None:
     t = np.linspace(-0.5, 0.5, len(scale))
     slope = float(t @ (scale - scale.mean()) / (t @ t))
     left = scale - scale.mean() - slope * t
-    if abs(slope) < _DRIFT or len(scale) < 2 * _FEW or left.var() > (1 - _TREND) * scale.var():
-        return None
-    return (
-        f"the hand's size drifts by {100 * abs(np.expm1(slope)):.0f} % from the first frame to"
-        " the last: its bones are not constant"
-    )
+    trend = left.var() <= (1 - _TREND) * scale.var()
+    if abs(slope) >= _DRIFT and len(scale) >= 2 * _FEW and trend:
+        return (
+            f"the hand's size drifts by {100 * abs(np.expm1(slope)):.0f} % from the first frame"
+            " to the last: its bones are not constant"
+        )
+    own = np.median(np.abs(scale - np.median(scale)))
+    if own > _BREATHES and np.median(alone[np.isfinite(alone)]) < _CALM:
+        return (
+            f"the hand's size goes up and down by {100 * np.expm1(own):.0f} % and its bones keep"
+            " their proportions: is each frame in a scale of its own?"
+        )
+    return None

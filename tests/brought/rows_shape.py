@@ -196,7 +196,15 @@ ROWS.add(
 
 for child, parent in ((4, 3), (1, 0), (12, 11), (17, 0), (20, 19)):
     b = joined(right, child, parent)
-    ROWS.add("degenerate", f"no length {parent} to {child}", b, npz, "a.npz", DOUBT, "length|bone|at one place")
+    ROWS.add(
+        "degenerate",
+        f"no length {parent} to {child}",
+        b,
+        npz,
+        "a.npz",
+        DOUBT,
+        "length|bone|at one place",
+    )
 one_gone = right.joints.copy()
 one_gone[:, 14] = np.nan
 seen = right.but(joints=one_gone, expected=one_gone)
