@@ -7,7 +7,8 @@ import numpy as np
 
 from handtrack.evaluation.alignment import pa_mpjpe, reflection_pa_mpjpe
 from handtrack.evaluation.arrays import Array, nan_mean
-from handtrack.hand.skeleton import N_JOINTS, ORDER_JOINTS, ORDERS
+from handtrack.hand.skeleton import N_JOINTS
+from handtrack.sequences.skeleton_check import Picks, orders_of
 
 LOOK = 200
 """Frames that are enough to tell a wrong unit, side or order."""
@@ -62,12 +63,10 @@ def truth_problem(estimate: Array, truth: Array) -> str:
     # the rest is only worth a word if the error is a good part of the hand
     if not plain > 0.05 * size_b:
         return ""
-    orders = {name: o for name, o in ORDERS.items() if ORDER_JOINTS[name] == N_JOINTS}
-    for name, order in orders.items():
-        index = np.array(order)
+    for name, order in orders_of(N_JOINTS).items():
         for words, error in (
-            ("truth", typical(pa_mpjpe(a, b[:, index]))),
-            ("estimate", typical(pa_mpjpe(a[:, index], b))),
+            ("truth", typical(pa_mpjpe(a, _picked(b, order)))),
+            ("estimate", typical(pa_mpjpe(_picked(a, order), b))),
         ):
             if error < 0.4 * plain:
                 return (
@@ -81,6 +80,11 @@ def truth_problem(estimate: Array, truth: Array) -> str:
             f" {mirrored * 1e3:.1f} mm for its mirror image"
         )
     return ""
+
+
+def _picked(x: Array, picks: Picks) -> Array:
+    places = np.array(picks)
+    return np.where((places < 0)[:, None], np.nan, x[:, places])
 
 
 def _size(x: Array) -> float:

@@ -16,6 +16,8 @@ _DIRECTION = np.array([1.0, np.pi, np.e]) / np.linalg.norm([1.0, np.pi, np.e])
 _NEAR = 1e-3
 # with so many others at its place none is to be believed
 _MOST = 2
+# a misfit that is lower by less says nothing
+_CLEARLY = 0.01
 
 
 def without_coincident(joints: Array) -> tuple[Array, list[str]]:
@@ -51,7 +53,8 @@ def without_coincident(joints: Array) -> tuple[Array, list[str]]:
         if not pair.any():
             continue
         gone = b
-        if 2 * pair.sum() > max(there[a], there[b]) and _without(out, a) < _without(out, b):
+        often = 2 * pair.sum() > max(there[a], there[b])
+        if often and _without(out, a) < _without(out, b) - _CLEARLY:
             gone = a
         out[frames[pair], gone] = np.nan
         same[pair, gone, :] = same[pair, :, gone] = False

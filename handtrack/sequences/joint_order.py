@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.hand.skeleton import N_JOINTS, ORDER_JOINTS, ORDERS
+from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS, ORDER_JOINTS, ORDERS
 from handtrack.sequences.readers.raw import Array, Raw
 from handtrack.sequences.skeleton_check import (
     Picks,
@@ -15,6 +15,7 @@ from handtrack.sequences.skeleton_check import (
     better_order,
     beyond_chance,
     clearly_better,
+    folded_back,
     misfit,
 )
 
@@ -180,6 +181,9 @@ def _doubts(raw: Raw, reading: Reading, order: str | None) -> list[str]:
             " (--order NAME, or the places of our joints), or are these no joints?",
             raw.path,
         )
+    folded = [JOINT_NAMES[j] for j in folded_back(joints, reading.picks)]
+    if folded:
+        return [f"the bones fold back at {', '.join(folded)}: is --order {reading.name} right?"]
     if chance < _CHANCE or own > _NO_HAND:
         return [f"{none} hardly fit better than those of a random order: is --order right?"]
     return []

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError
 from handtrack.hand.model import HandModel
-from handtrack.hand.skeleton import BASES, BONES, ORDER_JOINTS, ORDERS, PALM
+from handtrack.hand.skeleton import BASES, BONES, N_JOINTS, ORDER_JOINTS, ORDERS, PALM
 
 Array = NDArray[np.float64]
 Picks = tuple[int, ...]
@@ -38,6 +38,8 @@ _PROPORTION, _THUMB = 0.2, 0.3
 # lengths of noisy detections change by so much from frame to frame
 _CONSTANT = 0.15
 _RANDOM = 200
+_FOLDED = float(np.cos(np.deg2rad(135.0)))
+_PAIRS = np.array(list(combinations(range(N_JOINTS), 2)))
 # our joints with the fingers in every other order
 _FINGERS = [
     (0, *(int(BASES[f]) + i for f in order for i in range(4))) for order in permutations(range(5))
@@ -124,11 +126,52 @@ def better_order(joints: Array, picks: Picks, frames: int) -> OrderFit | None:
     values = _misfits(logs, np.array([picks, *tries]))
     if not np.isfinite(values).any():
         return None
+    pair = _exchanged_pair(logs, picks) if frames >= 10 else None
     k = int(np.nanargmin(values))
     if k == 0 or not clearly_better(float(values[k]), float(values[0]), frames):
-        return None
+        return pair
+    if pair is not None and pair.misfit < values[k]:
+        return pair
     name = next((n for n, p in named.items() if p == tries[k - 1]), "")
     return OrderFit(name, tries[k - 1], float(values[k]))
+
+
+def _exchanged_pair(logs: Array, picks: Picks) -> OrderFit | None:
+    """The order with two joints exchanged, where that explains most of a misfit.
+
+    One pair changes a misfit little, so that only joints that are clean otherwise show it.
+    """
+    # joints at one place are another fault
+    size = median(logs.reshape(len(logs), -1), 1)[:, None, None]
+    logs = np.where(logs < size + np.log(2 * _NOTHING), np.nan, logs)
+    own = float(_misfits(logs, np.array([picks]))[0])
+    tries = np.repeat(np.array([picks]), len(_PAIRS), axis=0)
+    row, (a, b) = np.arange(len(_PAIRS)), _PAIRS.T
+    tries[row, a], tries[row, b] = tries[row, b], tries[row, a]
+    values = _misfits(logs, tries)
+    k = int(np.nanargmin(values)) if np.isfinite(values).any() else 0
+    if not (own - values[k] > 0.04 and values[k] < 0.5 * own):
+        return None
+    return OrderFit("", tuple(map(int, tries[k])), float(values[k]))
+
+
+def folded_back(joints: Array, picks: Picks) -> list[int]:
+    """Our joints at which the bones of joints (T, N, 3) fold back on each other in most frames.
+
+    No joint of a finger bends by 135 degrees for long.
+    """
+    places = np.array(picks)
+    x = np.where((places < 0)[:, None], np.nan, joints[:, places])[:: max(1, len(joints) // _LOOK)]
+    out = []
+    for base in BASES:
+        for j in range(base, base + 3):
+            before, after = x[:, j] - x[:, 0 if j == base else j - 1], x[:, j + 1] - x[:, j]
+            size = np.linalg.norm(before, axis=-1) * np.linalg.norm(after, axis=-1)
+            cosine = np.full(len(x), np.nan)
+            np.divide((before * after).sum(-1), size, out=cosine, where=size > 0)
+            if median(cosine, 0) < _FOLDED:
+                out.append(int(j))
+    return out
 
 
 def beyond_chance(joints: Array, picks: Picks) -> float:

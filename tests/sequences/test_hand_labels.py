@@ -37,7 +37,8 @@ def test_wrong_label_is_kept_and_said(save, right):
     (sequence,) = ht.load(save(right, hand="left"))
     assert sequence.hand == "left"
     assert sequence.notes == (
-        "labelled left, but the fingers flex like a right hand's: pass --hand right to override",
+        "labelled left, but the fingers flex like a right hand's: pass --hand right to override,"
+        " or pass --mirror z if its world is left-handed (Unity, Unreal), which keeps its name",
     )
 
 
