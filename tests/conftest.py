@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -17,6 +18,12 @@ ROOT = Path(__file__).resolve().parent.parent
 # the tools are no part of the package; the package itself is the installed one, where there is one
 sys.path.append(str(ROOT))
 SHARED = ROOT.parent / "shared" / "data"
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """How many processes run the tests: where some are named, a start costs more than it saves."""
+    named = config.args_source is not pytest.Config.ArgsSource.TESTPATHS
+    return 0 if named else min(os.cpu_count() or 1, 8)
 
 
 @pytest.fixture(scope="session")
