@@ -153,6 +153,9 @@ def _noted(sequence: Sequence, *notes: str | None) -> Sequence:
     return replace(sequence, notes=(*sequence.notes, *(n for n in notes if n is not None)))
 
 
+_COUNTED = "no frame numbers in the file: counted from 0"
+
+
 def _cut(sequences: list[Sequence], frames: tuple[int, int]) -> list[Sequence]:
     """The part of each sequence inside the frames; those that are not seen there are left out."""
     parts = []
@@ -160,7 +163,8 @@ def _cut(sequences: list[Sequence], frames: tuple[int, int]) -> list[Sequence]:
         index = sequence.frame_index
         inside = (index >= frames[0]) & (index <= frames[1])
         if sequence.present[inside].any():
-            parts.append(sequence.frames(*frames))
+            counted = None if sequence.numbered else _COUNTED
+            parts.append(_noted(sequence.frames(*frames), counted))
     if not parts:
         first = min(int(s.frame_index.min()) for s in sequences)
         last = max(int(s.frame_index.max()) for s in sequences)

@@ -148,7 +148,7 @@ def test_frankmocap_is_judged_by_stability(tmp_path, left, right, capsys):
     (row,) = json.loads(capsys.readouterr().out)["sequences"]
     assert row["pa_mpjpe_mm"]["max"] < 1e-3
     assert row["mpjpe_mm"]["mean"] > 100
-    assert "another world frame?" in row["notes"][0]
+    assert any("another world frame?" in note for note in row["notes"])
 
 
 def test_frankmocap_of_before_it_saved_joints(tmp_path):
