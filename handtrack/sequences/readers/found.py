@@ -24,6 +24,7 @@ CONTAINERS: tuple[str, ...] = (
     *("hand_tracking", "handTracking", "tracking", "detections", "people", "hand_poses", "poses"),
     *("hand", "frame"),
 )
+_HOLDERS = frozenset(CONTAINERS)
 _DEEPEST = 6
 _TEXTS: tuple[str, ...] = (
     "categoryName",
@@ -95,7 +96,7 @@ def names_hands(frame: Any) -> bool:
     """Whether a frame has a place for each hand, and not only for the one that it is of."""
     if not isinstance(frame, dict):
         return isinstance(frame, list) and bool(frame) and isinstance(frame[0], dict)
-    if any(isinstance(frame.get(k), list) for k in CONTAINERS):
+    if any(isinstance(frame[k], list) for k in frame.keys() & _HOLDERS):
         return True
     return sum(side_key(str(k)) is not None for k in frame) > 1
 
@@ -144,7 +145,9 @@ def _holds_hands(value: Any) -> bool:
     """Whether a value under a name of labels is no label, but the hands themselves."""
     if isinstance(value, dict):
         return _is_hand(value) or side_of(value) is None
-    return isinstance(value, list) and any(_is_hand(v) for v in value[:2])
+    if not isinstance(value, list):
+        return False
+    return any(isinstance(v, int | float) or v is None or _is_hand(v) for v in value[:2])
 
 
 def _is_hand(value: Any) -> bool:

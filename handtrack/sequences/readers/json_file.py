@@ -50,12 +50,14 @@ def read_lines(data: bytes, path: Path) -> list[Raw]:
         NotJointsError: no joints in any line.
         InputError: a line that is not JSON or not a frame (with its number).
     """
-    values, places = [], []
-    for number, line in enumerate(data.split(b"\n"), 1):
-        if line.strip():
-            values.append(decode(line, Any, path, first_line=number))
-            places.append(f"line {number}")
-    return read_records(values, places, path)
+    lines = [(n, line) for n, line in enumerate(data.split(b"\n"), 1) if line.strip()]
+    try:  # all at once is faster, but cannot say which line is wrong
+        values = decode(b"[" + b",".join(line for _, line in lines) + b"]", list[Any], path)
+    except InputError:
+        values = []
+    if len(values) != len(lines):
+        values = [decode(line, Any, path, first_line=n) for n, line in lines]
+    return read_records(values, [f"line {n}" for n, _ in lines], path)
 
 
 def read_json(data: bytes, path: Path) -> list[Raw]:
@@ -85,7 +87,7 @@ def _are_frames(value: list[Any]) -> bool:
     """Whether a list is of frames that only `read_records` can read."""
     if are_points(value):
         return False
-    some = next(v for v in value if isinstance(v, list | int | float | dict))
+    some = next((v for v in value if v not in (None, [], {})), None)
     if isinstance(some, dict):
         return True
     return isinstance(some, list) and any(isinstance(v, dict) for v in some)

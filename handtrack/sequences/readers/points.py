@@ -130,6 +130,14 @@ def _named(value: dict[str, Any], place: str, path: Path) -> Points:
             raise InputError(f"{place}: joints are numbered to {max(numbers)}", path)
         return _list([numbers.get(i + begin) for i in range(n)], place, path)
     joints, confidence = np.full((N_JOINTS, 3), np.nan), np.ones(N_JOINTS)
+    if plan.simple:
+        try:  # the usual case, all at once
+            numbers = np.array([value[k] for k in plan.keys], dtype=np.float64)
+        except (TypeError, ValueError):
+            numbers = joints[:0]
+        if numbers.shape == (len(plan.keys), 3):
+            joints[list(plan.places)] = numbers
+            return Points(joints, None, True)
     any_sure = False
     for (name, point), joint in zip(value.items(), plan.joints, strict=True):
         if joint is None:
@@ -151,10 +159,16 @@ def _named(value: dict[str, Any], place: str, path: Path) -> Points:
 
 
 class _Plan(NamedTuple):
-    """Which joint each key is; None: none."""
+    """Which joint each key is; None: none.
+
+    Keys and places are of the 21 alone; it is simple where every key is known and none twice.
+    """
 
     joints: tuple[int | None, ...]
     numbered: bool
+    keys: tuple[str, ...] = ()
+    places: tuple[int, ...] = ()
+    simple: bool = False
 
 
 @lru_cache(maxsize=256)
@@ -164,7 +178,11 @@ def _plan(keys: tuple[str, ...]) -> _Plan:
     said = [joint_name(words(k)) for k in keys]
     known = [s for s in said if s is not None]
     settled = iter(settle(known))
-    return _Plan(tuple(None if s is None else next(settled) for s in said), False)
+    joints = tuple(None if s is None else next(settled) for s in said)
+    ours = [(k, j) for k, j in zip(keys, joints, strict=True) if j is not None and j != UNUSED]
+    places = tuple(j for _, j in ours)
+    simple = None not in joints and len(set(places)) == len(places) > 0
+    return _Plan(joints, False, tuple(k for k, _ in ours), places, simple)
 
 
 @lru_cache(maxsize=256)
@@ -184,12 +202,14 @@ def _names_in(value: dict[str, Any]) -> int | None:
     plan = _plan(keys)
     if plan.numbered:
         return n if any(_looks_placed(v) for v in value.values()) else None
-    places = [v for v, j in zip(value.values(), plan.joints, strict=True) if j is not None]
-    return n if any(_looks_placed(v) or _is_finger(v) for v in places) else None
+    ours = (value[k] for k in plan.keys if k in value)
+    return n if any(_looks_placed(v) or _is_finger(v) for v in ours) else None
 
 
 def _without_fingers(value: dict[str, Any]) -> dict[str, Any]:
     """{"thumb": [point x 4]} or {"thumb": {"cmc": point}} as names of single joints."""
+    if _plan(tuple(value)).simple and len(value) > 15:
+        return value
     if not any(_is_finger(v) for v in value.values()):
         return value
     out: dict[str, Any] = {}

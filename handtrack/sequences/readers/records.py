@@ -185,6 +185,7 @@ def _joints(hand: _Hand, places: Items[str], path: Path) -> tuple[Array, Array |
     given = [hand.found[hand.rows[k]] for k in at]
     where = [places[hand.rows[k]] for k in at]
     frames, sure = _together(given, where, path) or _one_by_one(given, where, path)
+    sure = None if sure is None else usable_confidence(sure)
     joints = np.full((len(hand.rows), *frames.shape[1:]), np.nan)
     joints[at] = frames
     confidence = np.ones(joints.shape[:2])
