@@ -28,7 +28,7 @@ from handtrack.errors import HandtrackError, SettingsError
 
 if TYPE_CHECKING:
     from handtrack.hand.skeleton import Hand
-    from handtrack.live.live import LiveFrame
+    from handtrack.live.lines import LiveFrame
     from handtrack.live.sources import Newest
     from handtrack.tracking.tracker import Tracker
 
@@ -128,7 +128,8 @@ def _source(
 ) -> tuple[Newest[Any], Iterator[LiveFrame], str]:
     """Where frames wait, the hands in them, and what that is."""
     from handtrack.live import sources as live_frames
-    from handtrack.live.live import from_lines, from_pictures
+    from handtrack.live.lines import from_lines
+    from handtrack.live.live import from_pictures
 
     hand, unit, order, model = said
     if camera is not None or video is not None:

@@ -15,13 +15,11 @@ from numpy.typing import NDArray
 
 from handtrack.calibration.calibrate import Calibration
 from handtrack.calibration.online import OnlineCalibration
-from handtrack.errors import InputError
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import BONES, HANDS, N_JOINTS, Hand
+from handtrack.live.lines import LiveFrame
 from handtrack.live.sources import Newest
 from handtrack.recording.recorder import McapRecorder
-from handtrack.sequences.assemble import Given, assemble
-from handtrack.sequences.readers.json_file import read_lines
 from handtrack.tracking.track import Event
 from handtrack.tracking.tracker import TrackedFrame, Tracker, frame_events, track_of_frames
 from handtrack.video.detector import Detector
@@ -38,25 +36,6 @@ RECORD_NS = 300_000_000
 """So much time waits to be written together [ns]."""
 MIN_BONES = 5
 """A hand's size is not taken from fewer bones."""
-
-
-@dataclass(frozen=True, eq=False)
-class LiveFrame:
-    """The hands at one moment.
-
-    Attributes:
-        time_ns: on the source's clock.
-        index: the frame's number in the source.
-        joints: (21, 3) of each hand that was seen [m], NaN = missing.
-        confidence: (21,) of each.
-        came: when it came in, by `time.monotonic` [s].
-    """
-
-    time_ns: int
-    index: int
-    joints: dict[Hand, Array]
-    confidence: dict[Hand, Array]
-    came: float
 
 
 class Sink(Protocol):
@@ -127,45 +106,6 @@ def from_pictures(queue: Newest[Picture], detector: Detector) -> Iterator[LiveFr
             {hand: np.full(N_JOINTS, d.score) for hand, d in seen.items()},
             came,
         )
-
-
-def from_lines(
-    queue: Newest[bytes], source: str, given: Given | None = None, hand: Hand | None = None
-) -> Iterator[LiveFrame]:
-    """Joints in JSON lines, as `handtrack track` reads them from a .jsonl file.
-
-    A line without a time is stamped with when it comes.
-
-    Args:
-        queue: the lines.
-        source: named in messages.
-        given: unit and joint order, where the lines do not say.
-        hand: which hand it is, where they do not say; right by default.
-
-    Raises:
-        InputError: a line that is no frame of joints, or time that does not increase.
-    """
-    begun = time.monotonic_ns()
-    last: int | None = None
-    for n, line in enumerate(queue):
-        came = time.monotonic()
-        where = Path(f"{source}, line {n + 1}")
-        joints: dict[Hand, Array] = {}
-        confidence: dict[Hand, Array] = {}
-        time_ns = time.monotonic_ns() - begun
-        for raw in read_lines(line, where):
-            side: Hand = raw.hand or hand or "right"
-            if raw.time_ns is not None:
-                time_ns = int(raw.time_ns[0])
-            if np.isfinite(raw.joints).any():
-                sequence = assemble(raw, given or Given())
-                joints[side], confidence[side] = sequence.joints[0], sequence.confidence[0]
-        if last is not None and time_ns <= last:
-            raise InputError(
-                f"time does not increase: {time_ns * 1e-9:.6f} s after {last * 1e-9:.6f} s", where
-            )
-        last = time_ns
-        yield LiveFrame(time_ns, n, joints, confidence, came)
 
 
 def run_live(

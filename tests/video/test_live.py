@@ -15,7 +15,9 @@ import handtrack as ht
 from handtrack.calibration.online import OnlineCalibration
 from handtrack.cli import run
 from handtrack.errors import InputError
-from handtrack.live.live import LiveFrame, RecorderSink, from_lines, run_live, size_of
+from handtrack.hand.skeleton import JOINT_NAMES
+from handtrack.live.lines import LiveFrame, from_lines
+from handtrack.live.live import RecorderSink, run_live, size_of
 from handtrack.live.sources import Newest
 from handtrack.tracking.tracker import Tracker
 
@@ -177,10 +179,44 @@ def test_json_lines_of_joints():
 
 
 @pytest.mark.parametrize(
+    ("stamp", "first_ns"),
+    [
+        (lambda i: {"t": 3 + i / 50}, 3_000_000_000),
+        (lambda i: {"timestamp": 3000 + 20 * i}, 3_000_000_000),
+        (lambda i: {"timestamp": 3_000_000_000 + 20_000_000 * i}, 3_000_000_000),
+        (lambda i: {"time_ms": 3000 + 20 * i}, 3_000_000_000),
+        (lambda i: {"header": {"stamp": {"sec": 3, "nanosec": 20_000_000 * i}}}, 3_000_000_000),
+    ],
+)
+def test_lines_begin_untracked_and_have_any_names(stamp, first_ns):
+    joints = motion(6)
+    names = [n.replace("little", "pinky").upper() for n in JOINT_NAMES]
+    rows = [stamp(i) | {"hands": []} for i in range(2)]
+    for i, frame in enumerate(joints, 2):
+        named = dict(zip(names, frame.tolist(), strict=True))
+        rows.append(stamp(i) | {"hands": [{"handedness": "Left", "joints": named}]})
+    rows.append(stamp(8) | {"left": None, "right": None})
+    found = list(from_lines(lines(*rows), "test"))
+    assert [f.time_ns for f in found] == [first_ns + 20_000_000 * i for i in range(9)]
+    assert [list(f.joints) for f in found] == [[], [], *[["left"]] * 6, []]
+    assert np.allclose(found[4].joints["left"], joints[2])
+
+
+def test_lines_of_nothing_wait_for_the_first_time():
+    joints = motion(2).tolist()
+    rows = [b"null", b"[]", b"{}", {"time_s": 7, "joints": joints[0]}, b"null"]
+    found = list(from_lines(lines(*rows, {"time_s": 8, "joints": joints[1]}), "test"))
+    assert [bool(f.joints) for f in found] == [False] * 3 + [True, False, True]
+    times = [f.time_ns for f in found]
+    assert times == sorted(set(times))
+    assert times[3] == 7_000_000_000
+
+
+@pytest.mark.parametrize(
     ("rows", "says"),
     [
         ([b"hello"], "test, line 1: "),
-        ([{"joints_m": [[0, 0, 1]] * 20}], "test, line 1: .*shape"),
+        ([{"joints_m": [[0, 0, 1]] * 19}], "test, line 1: .*shape"),
         (
             [{"joints_m": [[0, 0, i] for i in range(21)], "time_s": t} for t in (2, 1)],
             "line 2: time",

@@ -11,8 +11,9 @@ import numpy as np
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import BONES, N_JOINTS, ORDERS
 from handtrack.sequences.clock import Stamps
+from handtrack.sequences.readers.both_hands import two_hands
 from handtrack.sequences.readers.fields import JOINT_COUNTS as COUNTS
-from handtrack.sequences.readers.fields import PAIRS, frame_numbers, two_hands
+from handtrack.sequences.readers.fields import PAIRS, frame_numbers
 from handtrack.sequences.readers.raw import METRES, Array, NotJointsError, Raw, Unit, stem
 from handtrack.sequences.readers.table_cells import Table
 from handtrack.sequences.size import PLAUSIBLE_PALM, palm_length

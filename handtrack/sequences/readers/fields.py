@@ -11,7 +11,6 @@ N is 21, or 25 (WebXR) or 26 (OpenXR).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
-from handtrack.hand.skeleton import HANDS, N_JOINTS, ORDER_JOINTS, Hand
+from handtrack.hand.skeleton import N_JOINTS, ORDER_JOINTS
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import UNUSED, as_side, joint_name, settle, words
 from handtrack.sequences.readers.raw import (
@@ -40,8 +39,6 @@ from handtrack.sequences.titles import (
     joints_key,
     looks_meant,
     may_be_hand_label,
-    of_side,
-    side_key,
     time_unit,
 )
 
@@ -112,37 +109,13 @@ def _refuse_meant(fields: Mapping[str, Any], path: Path) -> None:
             )
 
 
-def of_sides(fields: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The fields of each hand (`left_joints_m`, or all that stands under `left`) with those of
-    both; all of them where no hand has joints of its own."""
-    parts = [own for hand in HANDS if (own := _of_side(fields, hand)) is not None]
-    return parts or [dict(fields)]
-
-
-def _of_side(fields: Mapping[str, Any], hand: Hand) -> dict[str, Any] | None:
-    own: dict[str, Any] = {}
-    both: dict[str, Any] = {}
-    for key, value in fields.items():
-        side, rest = of_side(key)
-        if side is None:
-            both[key] = value
-        elif side != hand or value is None:
-            continue
-        elif side_key(key) is not None:
-            own |= value if isinstance(value, dict) else {"joints": value}
-        else:
-            own[rest.replace(" ", "_")] = value
-    if not any(_names_joints(key) for key in own) and not _columns(own):
-        return None
-    return both | own | {"hand": hand}
-
-
-def _names_joints(key: str) -> bool:
+def names_joints(key: str) -> bool:
+    """Whether a name is of joints, and not of true ones."""
     said = joints_key(key)
     return said is not None and not said.truth
 
 
-def _columns(fields: Mapping[str, Any]) -> dict[str, int]:
+def joint_columns(fields: Mapping[str, Any]) -> dict[str, int]:
     """Which joint each name is, where names are of joints with a column of places each."""
     said = {k: joint_name(words(k)) for k, v in fields.items() if isinstance(v, list | np.ndarray)}
     known = {k: s for k, s in said.items() if s is not None and s.number is None}
@@ -153,11 +126,11 @@ def _columns(fields: Mapping[str, Any]) -> dict[str, int]:
 
 def _with_columns(fields: Mapping[str, Any], path: Path) -> Mapping[str, Any]:
     """With the joints as one array where each has one of its own."""
-    key = next((k for k in fields if _names_joints(k) and isinstance(fields[k], dict)), None)
+    key = next((k for k in fields if names_joints(k) and isinstance(fields[k], dict)), None)
     inside = fields[key] if key is not None else fields
-    if key is None and any(_names_joints(k) for k in fields):
+    if key is None and any(names_joints(k) for k in fields):
         return fields
-    columns = _columns(inside)
+    columns = joint_columns(inside)
     if not columns:
         return fields
     arrays = {name: _nested_numbers(inside[name], path, name) for name in columns}
@@ -197,7 +170,7 @@ def joint_key(fields: Mapping[str, Any], path: Path) -> str:
         NotJointsError: there is none (with the names that are there).
         InputError: there are several.
     """
-    keys = [k for k in fields if fields[k] is not None and _names_joints(k)]
+    keys = [k for k in fields if fields[k] is not None and names_joints(k)]
     if len(keys) > 1:
         # MediaPipe's world landmarks, and not those in the picture; names of what joints are of
         worlds = [k for k in keys if "world" in words(k)]
@@ -208,31 +181,6 @@ def joint_key(fields: Mapping[str, Any], path: Path) -> str:
     if len(keys) > 1:
         raise InputError(f"both {keys[0]} and {keys[1]} are given, expected one of them", path)
     return keys[0]
-
-
-def two_hands(raw: Raw) -> list[Raw]:
-    """One hand, or two that stand one behind the other in each frame."""
-    n = raw.joints.shape[1]
-    if n not in PAIRS:
-        return [raw]
-    half = n // 2
-    note = f"{n} joints in a frame: two hands of {half}, one behind the other"
-    parts = []
-    for k, part in ((1, slice(0, half)), (2, slice(half, n))):
-        confidence = raw.confidence
-        if confidence is not None and confidence.ndim == 2:
-            confidence = confidence[:, part]
-        parts.append(
-            replace(
-                raw,
-                joints=raw.joints[:, part],
-                confidence=confidence,
-                truth=None if raw.truth is None else raw.truth[:, part],
-                name=f"{raw.name} hand {k}",
-                notes=(*raw.notes, note) if k == 1 else (),
-            )
-        )
-    return parts
 
 
 def as_frames(value: Any, path: Path, what: str = "joints") -> Array:

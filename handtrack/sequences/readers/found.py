@@ -12,11 +12,13 @@ from handtrack.sequences.names import Unit, as_side
 from handtrack.sequences.readers.points import COUNTS, are_points
 from handtrack.sequences.titles import (
     is_confidence,
+    is_frame_number,
     is_hand_label,
     is_hand_number,
     joints_key,
     may_be_hand_label,
     side_key,
+    time_unit,
 )
 
 CONTAINERS: tuple[str, ...] = (
@@ -90,6 +92,21 @@ def hands_in(frame: Any, label: Any = None, depth: int = 0) -> list[Found]:
             if found:
                 return found
     return []
+
+
+def is_blank(frame: Any) -> bool:
+    """Whether nothing was seen in a frame: null, {}, [], or hands that are."""
+    if not isinstance(frame, dict):
+        return frame is None or (isinstance(frame, list) and all(map(is_blank, frame)))
+    found = hands_in(frame)
+    if found:
+        return all(f.value is None for f in found)
+    return all(value in (None, [], {}) or _is_about(str(key)) for key, value in frame.items())
+
+
+def _is_about(key: str) -> bool:
+    about = is_hand_label(key) or is_hand_number(key) or is_frame_number(key)
+    return about or key in ("header", "stamp") or time_unit(key) is not None
 
 
 def names_hands(frame: Any) -> bool:

@@ -20,7 +20,8 @@ from typing import Any
 import msgspec
 
 from handtrack.errors import InputError
-from handtrack.sequences.readers.fields import as_frames, from_fields, of_sides, two_hands
+from handtrack.sequences.readers.both_hands import of_sides, two_hands
+from handtrack.sequences.readers.fields import as_frames, from_fields
 from handtrack.sequences.readers.found import hands_in
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.points import are_points

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.clock import Stamps
-from handtrack.sequences.readers.found import hands_in
+from handtrack.sequences.readers.found import hands_in, is_blank
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.mcap_file import McapFile, Message
 from handtrack.sequences.readers.raw import (
@@ -31,7 +31,6 @@ from handtrack.sequences.readers.raw import (
     within,
 )
 from handtrack.sequences.readers.records import read_records
-from handtrack.sequences.titles import time_unit
 
 _WORD = re.compile(r"(?<![a-z])(left|right)(?![a-z])")
 SAME_CLOCK_NS = 60 * 10**9
@@ -137,15 +136,7 @@ def _has_content(value: Any) -> bool:
         return False
     if "bone_data" in value and not value["bone_data"]:
         return False
-    found = hands_in(value)
-    return any(f.value is not None for f in found) or not (found or _is_blank(value))
-
-
-def _is_blank(value: dict[str, Any]) -> bool:
-    return all(
-        v in (None, [], {}) or k in ("header", "stamp", "hand") or time_unit(k) is not None
-        for k, v in value.items()
-    )
+    return not is_blank(value)
 
 
 def _better(own: Stamps, logged: NDArray[np.int64]) -> Stamps:

@@ -14,7 +14,8 @@ import numpy as np
 
 from handtrack.errors import InputError
 from handtrack.sequences.readers import mano_params
-from handtrack.sequences.readers.fields import as_frames, from_fields, of_sides, two_hands
+from handtrack.sequences.readers.both_hands import of_sides, two_hands
+from handtrack.sequences.readers.fields import as_frames, from_fields
 from handtrack.sequences.readers.raw import Raw, stem
 from handtrack.sequences.titles import joints_key
 

@@ -132,11 +132,11 @@ def _named(value: dict[str, Any], place: str, path: Path) -> Points:
     joints, confidence = np.full((N_JOINTS, 3), np.nan), np.ones(N_JOINTS)
     if plan.simple:
         try:  # the usual case, all at once
-            numbers = np.array([value[k] for k in plan.keys], dtype=np.float64)
+            places = np.array([value[k] for k in plan.keys], dtype=np.float64)
         except (TypeError, ValueError):
-            numbers = joints[:0]
-        if numbers.shape == (len(plan.keys), 3):
-            joints[list(plan.places)] = numbers
+            places = joints[:0]
+        if places.shape == (len(plan.keys), 3):
+            joints[list(plan.places)] = places
             return Points(joints, None, True)
     any_sure = False
     for (name, point), joint in zip(value.items(), plan.joints, strict=True):

@@ -1,0 +1,173 @@
+"""Joints as they come in JSON lines, read as `handtrack track` reads them from a file."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.errors import InputError
+from handtrack.hand.skeleton import Hand
+from handtrack.live.sources import Newest
+from handtrack.sequences.assemble import Given, assemble
+from handtrack.sequences.clock import Stamps, read_clock
+from handtrack.sequences.readers.found import is_blank
+from handtrack.sequences.readers.jsontext import decode
+from handtrack.sequences.readers.records import read_records, stamps_of
+
+Array = NDArray[np.float64]
+_WAITING = 1000
+"""So many lines in which nothing was seen wait for the first that says what time is."""
+
+
+@dataclass(frozen=True, eq=False)
+class LiveFrame:
+    """The hands at one moment.
+
+    Attributes:
+        time_ns: on the source's clock.
+        index: the frame's number in the source.
+        joints: (21, 3) of each hand that was seen [m], NaN = missing.
+        confidence: (21,) of each.
+        came: when it came in, by `time.monotonic` [s].
+    """
+
+    time_ns: int
+    index: int
+    joints: dict[Hand, Array]
+    confidence: dict[Hand, Array]
+    came: float
+
+
+@dataclass(eq=False)
+class _Line:
+    """What a line holds, before its time is known."""
+
+    index: int
+    where: Path
+    came: float
+    joints: dict[Hand, Array]
+    confidence: dict[Hand, Array]
+    stamps: Stamps | None
+
+    @property
+    def stamp(self) -> Any:
+        return None if self.stamps is None else self.stamps.values[0]
+
+
+def from_lines(
+    queue: Newest[bytes], source: str, given: Given | None = None, hand: Hand | None = None
+) -> Iterator[LiveFrame]:
+    """Joints in JSON lines, in any form that `handtrack track` reads from a .jsonl file.
+
+    A line without a time is stamped with when it comes. A line in which nothing was seen is a
+    frame; what time is in is told by the first two lines that have one, where its name is silent.
+
+    Args:
+        queue: the lines.
+        source: named in messages.
+        given: unit and joint order, where the lines do not say.
+        hand: which hand it is, where they do not say; right by default.
+
+    Raises:
+        InputError: a line that is no frame of joints, or time that does not increase.
+    """
+    clock = _Clock()
+    waiting: list[_Line] = []
+    for n, line in enumerate(queue):
+        came = time.monotonic()
+        read = _read(line, n, came, Path(f"{source}, line {n + 1}"), given or Given(), hand)
+        waiting = [*waiting, read][-_WAITING:]
+        if clock.knows(waiting):
+            yield from clock.frames(waiting)
+            waiting = []
+    if waiting:
+        yield from clock.frames(waiting)
+
+
+def _read(line: bytes, n: int, came: float, where: Path, given: Given, hand: Hand | None) -> _Line:
+    value = decode(line, Any, where)
+    read = _Line(n, where, came, {}, {}, stamps_of([value], ["the line"]))
+    if is_blank(value):
+        return read
+    for raw in read_records([value], ["the line"], where):
+        side: Hand = raw.hand or hand or "right"
+        read.stamps = read.stamps or raw.stamps
+        raw.stamps = None
+        if np.isfinite(raw.joints).any():
+            sequence = assemble(raw, given)
+            if sequence.present.any():
+                read.joints[side] = sequence.joints[0]
+                read.confidence[side] = sequence.confidence[0]
+    return read
+
+
+class _Clock:
+    """Times of lines, in the unit that two of them tell."""
+
+    def __init__(self) -> None:
+        self._begun = time.monotonic()
+        self._factor: float | None = None
+        self._reference: tuple[float, int] | None = None
+        self._last: int | None = None
+
+    def knows(self, waiting: list[_Line]) -> bool:
+        """Whether the times of the lines that wait can be told."""
+        if self._reference is not None:
+            return waiting[-1].stamps is None or self._tells(waiting)
+        stamped = [line for line in waiting if line.stamps is not None]
+        if not stamped:
+            return bool(waiting[-1].joints)
+        return self._tells(stamped)
+
+    def _tells(self, stamped: list[_Line]) -> bool:
+        """Whether the unit of stamps is known, or two of them tell it."""
+        last = stamped[-1]
+        if self._factor is not None or last.stamps is None or last.stamps.unit is not None:
+            return True
+        if isinstance(last.stamp, bool) or not isinstance(last.stamp, int | float):
+            return True
+        values = [s.stamp for s in stamped if s.stamps is not None]
+        if len(values) < 2 or not values[-1] > values[-2]:
+            return len(values) > 1
+        pair = Stamps(values[-2:], last.stamps.name)
+        first, second = read_clock(2, last.where, pair).time_ns
+        step = float(second - first) / (values[-1] - values[-2])
+        self._factor = 10.0 ** round(np.log10(step))
+        return True
+
+    def frames(self, waiting: list[_Line]) -> Iterator[LiveFrame]:
+        """The lines with their times; those without stamps by when they came."""
+        first = next((line for line in waiting if line.stamps is not None), None)
+        if first is not None and self._reference is None:
+            self._reference = (first.came, self._stamped(first))
+        came, at = self._reference or (self._begun, 0)
+        self._reference = (came, at)
+        for line in waiting:
+            if line.stamps is None:
+                time_ns = at + round((line.came - came) * 1e9)
+                time_ns = time_ns if self._last is None else max(time_ns, self._last + 1)
+            else:
+                time_ns = self._stamped(line)
+                self._reference = came, at = line.came, time_ns
+            if self._last is not None and time_ns <= self._last:
+                raise InputError(
+                    f"time does not increase: {time_ns * 1e-9:.6f} s after"
+                    f" {self._last * 1e-9:.6f} s",
+                    line.where,
+                )
+            self._last = time_ns
+            yield LiveFrame(time_ns, line.index, line.joints, line.confidence, line.came)
+
+    def _stamped(self, line: _Line) -> int:
+        stamp = line.stamp
+        if self._factor is not None and isinstance(stamp, int | float):
+            # whole numbers keep all their digits
+            factor = self._factor
+            return stamp * round(factor) if isinstance(stamp, int) else round(stamp * factor)
+        return int(read_clock(1, line.where, line.stamps).time_ns[0])
