@@ -5,11 +5,12 @@ from __future__ import annotations
 import inspect
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_type_hints
 
+import msgspec
 import numpy as np
 
-from handtrack.errors import ModelError
+from handtrack.errors import InputError, ModelError
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import reshaped
 from handtrack.sequences.sequence import Remark, Sequence
@@ -23,7 +24,7 @@ def input_of(stored: Track) -> Sequence:
     """The sequence that a track was made of, with what was done to single frames of it.
 
     Raises:
-        InputError: it holds no joint.
+        InputError: it holds no joint, or its remarks are none.
     """
     return Sequence(
         time_ns=stored.time_ns,
@@ -37,21 +38,37 @@ def input_of(stored: Track) -> Sequence:
         subject=stored.subject,
         timed=stored.timed,
         numbered=stored.numbered,
-        remarks=tuple(Remark(*remark) for remark in _listed(stored.settings.get("remarks"))),
+        remarks=tuple(
+            Remark(*remark) for remark in _typed(stored, "remarks", list[tuple[int, int, str]], [])
+        ),
     )
 
 
-def _listed(value: object) -> list[list[Any]]:
-    return value if isinstance(value, list) else []
+def _typed(stored: Track, name: str, kind: Any, otherwise: Any = None) -> Any:
+    """A setting of a track, which a file may have made anything of.
+
+    Raises:
+        InputError: it is of another kind.
+    """
+    value = stored.settings.get(name, otherwise)
+    try:
+        return msgspec.convert(value, kind)
+    except msgspec.ValidationError as error:
+        message = f"{stored.name}: the setting {name} of the recording is wrong: {error}"
+        raise InputError(message, stored.source or None) from error
 
 
 def settings_of(stored: Track) -> dict[str, Any]:
     """The settings that made a track, as far as today's `track` knows them.
 
     The hand is not among them: it is in the track as it was calibrated.
+
+    Raises:
+        InputError: one is of a kind that none can have.
     """
     known = set(inspect.signature(track).parameters) - {*_OWN, "calibrate"}
-    return {name: value for name, value in stored.settings.items() if name in known}
+    kinds = get_type_hints(track)
+    return {name: _typed(stored, name, kinds[name]) for name in stored.settings if name in known}
 
 
 def as_stored(model: HandModel, stored: HandModel) -> HandModel:

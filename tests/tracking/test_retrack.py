@@ -150,3 +150,33 @@ def test_hands_without_a_counterpart_are_refused(sample):
         difference(first, later)
     renamed = dataclasses.replace(first, name="other")
     assert differences([first], [renamed])[0].same
+
+
+WRONG = {
+    "filter": [5, None, ["kalman"], "none?"],
+    "lag": ["2", 1.5, {}],
+    "coast_s": ["x", None],
+    "min_joints": [[6], "6"],
+    "process_noise": ["much", [], None],
+    "noise_mm": ["2", True],
+    "couple": ["yes", 1],
+    "gate": [None, "no"],
+    "update": ["best", 3],
+    "robust": [0, "mean"],
+    "remarks": ["x", [[1]], [["a", "b", "c"]], [[0, 1, 2]], {}],
+    "collisions": ["no"],
+    "spread_mm": ["wide"],
+    "engine": ["fast", 7],
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_settings_of_a_file_that_are_of_another_kind(name, sample):
+    """A recording may say anything, with all its checksums right."""
+    track = ht.track(sample.frames(0, 12), calibrate=False)
+    for value in WRONG[name]:
+        changed = dataclasses.replace(track, settings={**track.settings, name: value})
+        with pytest.raises(ht.HandtrackError) as told:
+            retrack(changed)
+        assert "\n" not in str(told.value)
+        assert len(str(told.value)) < 400
