@@ -160,7 +160,7 @@ def test_a_recording_can_be_tracked_again(call, made):
     status, _, err = call("track", "again.mcap", "-o", "./again.mcap")
     assert (status, err) == (
         2,
-        "error: again.mcap is the input: give the new recording a name with -o\n",
+        "error: again.mcap is the input: give the new file another name with -o\n",
     )
 
 

@@ -124,7 +124,7 @@ def test_diff_tells_what_changed(call, recording):
 def test_retrack_and_what_it_refuses(call, recording):
     assert call("retrack", recording, "-o", recording)[::2] == (
         2,
-        f"error: {recording} is the input: give the new recording another name\n",
+        f"error: {recording} is the input: give the new file another name with -o\n",
     )
     assert call("retrack", recording)[0] == 2
     assert call("retrack", "nowhere.mcap", "-o", "a.mcap")[::2] == (
