@@ -303,3 +303,26 @@ def test_npz_under_other_names(tmp_path, right):
     np.savez(tmp_path / "a.npz", **named_arrays)
     (sequence,) = ht.load(tmp_path / "a.npz")
     same(sequence, right)
+
+
+@pytest.mark.parametrize(
+    ("size", "says"), [((1, 1), "shares of a picture"), ((640, 480), "pixels")]
+)
+def test_landmarks_in_a_picture(read, tmp_path, right, size, says):
+    seen = right - right[:, :1] * [0, 0, 1]
+    seen = seen / 1.6 * [*size, size[0]]
+    for frames in (
+        [{"handedness": "Right", "landmarks": objects(j)} for j in seen],
+        [{"multi_hand_landmarks": [objects(j)]} for j in seen],
+        [named(j, SOURCES["mediapipe"]) for j in seen],
+    ):
+        with pytest.raises(ht.InputError, match=says + ".*world landmarks"):
+            read(frames)
+    head = ",".join(f"{n}_{a}" for n in SOURCES["mediapipe"] for a in "xyz")
+    rows = [",".join(map(str, j.ravel())) for j in seen]
+    (tmp_path / "a.csv").write_text("\n".join([head, *rows]))
+    with pytest.raises(ht.InputError, match=says):
+        ht.load(tmp_path / "a.csv")
+    # a hand given relative to its wrist is none
+    (sequence,) = read([{"landmarks": objects(j - j[0])} for j in right])
+    assert len(sequence) == 12

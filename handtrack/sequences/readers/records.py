@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import Hand
 from handtrack.sequences.clock import Stamps
+from handtrack.sequences.names import words
 from handtrack.sequences.readers.fields import FINEST, as_frames, frame_numbers
 from handtrack.sequences.readers.found import Found, hands_in, names_hands, side_of
+from handtrack.sequences.readers.pictures import refuse_pictures
 from handtrack.sequences.readers.points import are_points, read_points
 from handtrack.sequences.readers.raw import (
     Array,
@@ -96,6 +98,8 @@ def read_records(
         own = stamps_of(rows, at) or stamps_of(inside, at)
         raw.stamps = own or (None if logged is None else logged.take(hand.rows))
         raw.frame_index = _frame_index(rows, path)
+        if not any(f.key and "world" in words(f.key) for f in hand.found.values()):
+            refuse_pictures(raw)
         raws.append(raw)
     return raws
 

@@ -22,6 +22,7 @@ from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import as_side, words
 from handtrack.sequences.readers.bare_table import read_bare
 from handtrack.sequences.readers.fields import FINEST, frame_numbers
+from handtrack.sequences.readers.pictures import refuse_pictures
 from handtrack.sequences.readers.raw import Array, Raw, as_hand, stem, take_rows, usable_confidence
 from handtrack.sequences.readers.table_cells import MISSING, Table, read_cells
 from handtrack.sequences.readers.table_columns import Columns, HandColumns, read_columns
@@ -69,6 +70,7 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
             stamps=stamps,
             notes=tuple(notes),
         )
+        refuse_pictures(raw)
         raws += _by_hand(raw, table, table.titles, columns, label)
         notes = []
     return raws
