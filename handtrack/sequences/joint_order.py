@@ -110,7 +110,7 @@ def _given(raw: Raw, name: str | None) -> Reading | None:
     if expected != n or max(picks) >= n:
         raise InputError(
             f"a frame has {n} joints, the order {name} has {max(expected, max(picks) + 1)}"
-            f"{_with_as_many(n)}",
+            f"{with_as_many(n)}",
             raw.path,
         )
     return Reading(picks, name, True)
@@ -121,7 +121,7 @@ def _by_count(raw: Raw) -> Reading:
     n = raw.joints.shape[1]
     name = BY_COUNT.get(n)
     if name is None:
-        raise InputError(f"a frame has {n} joints{_with_as_many(n)}", raw.path)
+        raise InputError(f"a frame has {n} joints{with_as_many(n)}", raw.path)
     reading = Reading(ORDERS[name], name, False)
     if n == N_JOINTS:
         return reading
@@ -134,7 +134,8 @@ def _by_count(raw: Raw) -> Reading:
     return Reading(best.picks, best.name, False, (note,))
 
 
-def _with_as_many(n: int) -> str:
+def with_as_many(n: int) -> str:
+    """The end of an error about frames of n joints: which orders have so many."""
     fitting = [name for name, count in ORDER_JOINTS.items() if count == n]
     if fitting:
         return f"; orders with {n} are {', '.join(fitting)}: pass --order {fitting[0]}"

@@ -123,7 +123,7 @@ def better_order(joints: Array, picks: Picks, frames: int) -> OrderFit | None:
     named = orders_of(joints.shape[1])
     exchanged = [tuple(picks[k] for k in fingers) for fingers in _FINGERS]
     tries = [p for p in (*named.values(), *exchanged) if p != picks]
-    values = _misfits(logs, np.array([picks, *tries]))
+    values = _fair_misfits(logs, np.array([picks, *tries]))
     if not np.isfinite(values).any():
         return None
     pair = _exchanged_pair(logs, picks) if frames >= 10 else None
@@ -144,11 +144,11 @@ def _exchanged_pair(logs: Array, picks: Picks) -> OrderFit | None:
     # joints at one place are another fault
     size = median(logs.reshape(len(logs), -1), 1)[:, None, None]
     logs = np.where(logs < size + np.log(2 * _NOTHING), np.nan, logs)
-    own = float(_misfits(logs, np.array([picks]))[0])
-    tries = np.repeat(np.array([picks]), len(_PAIRS), axis=0)
-    row, (a, b) = np.arange(len(_PAIRS)), _PAIRS.T
+    tries = np.repeat(np.array([picks]), 1 + len(_PAIRS), axis=0)
+    row, (a, b) = np.arange(1, 1 + len(_PAIRS)), _PAIRS.T
     tries[row, a], tries[row, b] = tries[row, b], tries[row, a]
-    values = _misfits(logs, tries)
+    values = _fair_misfits(logs, tries)
+    own = float(values[0])
     k = int(np.nanargmin(values)) if np.isfinite(values).any() else 0
     if not (own - values[k] > 0.04 and values[k] < 0.5 * own):
         return None
@@ -244,6 +244,16 @@ def _misfits(logs: Array, orders: NDArray[np.int64]) -> Array:
     x -= median(x[..., known.rigid], 2)[..., None]
     typical = median(x, 0)
     return _cost(typical, 1.4826 * median(np.abs(x - typical), 0))
+
+
+def _fair_misfits(logs: Array, orders: NDArray[np.int64]) -> Array:
+    """(K,) misfits of orders (K, 21), NaN for one that sets more bones to joints never seen than
+    the first: what is not seen fits anything."""
+    known = _lengths()
+    a, b = orders[:, known.pairs[:, 0]], orders[:, known.pairs[:, 1]]
+    seen = np.isfinite(logs).any(0)
+    unseen = ((a >= 0) & (b >= 0) & ~seen[a, b]).sum(1)
+    return np.where(unseen <= unseen[0], _misfits(logs, orders), np.nan)
 
 
 def _cost(off: Array, spread: Array) -> Array:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import N_JOINTS, ORDER_JOINTS
 from handtrack.sequences.clock import Stamps
+from handtrack.sequences.joint_order import with_as_many
 from handtrack.sequences.names import UNUSED, as_side, joint_name, settle, words
 from handtrack.sequences.readers.raw import (
     METRES,
@@ -208,8 +209,9 @@ def as_frames(value: Any, path: Path, what: str = "joints") -> Array:
     ):
         frames = array.reshape(1, -1, 3)
     else:
+        known = with_as_many(shape[1]) if array.ndim == 3 and shape[2] == 3 else ""
         raise InputError(
-            f"{what} has shape {shape}, expected (frames, 21, 3) or (frames, 63)", path
+            f"{what} has shape {shape}, expected (frames, 21, 3) or (frames, 63){known}", path
         )
     if not len(frames):
         raise InputError(f"{what} holds no frames", path)
