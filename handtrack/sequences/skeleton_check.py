@@ -251,7 +251,7 @@ def _fair_misfits(logs: Array, orders: NDArray[np.int64]) -> Array:
     the first: what is not seen fits anything."""
     known = _lengths()
     a, b = orders[:, known.pairs[:, 0]], orders[:, known.pairs[:, 1]]
-    seen = np.isfinite(logs).any(0)
+    seen = np.asarray(np.isfinite(logs).any(axis=0))
     unseen = ((a >= 0) & (b >= 0) & ~seen[a, b]).sum(1)
     return np.where(unseen <= unseen[0], _misfits(logs, orders), np.nan)
 
