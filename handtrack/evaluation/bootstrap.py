@@ -24,6 +24,8 @@ MIN_FRAMES = 8
 """With fewer frames no interval is given."""
 MIN_BLOCKS = 6.0
 """Nor with fewer blocks: so few say next to nothing of how much they differ."""
+MIN_PAIRED = 3.0
+"""The same for differences of two series, whose intervals few blocks make wide."""
 MIN_INDEPENDENT = 6.0
 """Nor for errors of frames that are worth fewer independent ones."""
 _DRAWS = 1_000_000
@@ -115,7 +117,7 @@ def difference(a: ArrayLike, b: ArrayLike) -> Intervals:
         block_length(first.values - second.values),
         block_length(first.spread_influence - second.spread_influence),
     )
-    few, block = _few(first.n, wanted), _shortened(wanted, first.n)
+    few, block = _few(first.n, wanted, least=MIN_PAIRED), _shortened(wanted, first.n)
     mean, std = first.mean - second.mean, first.std - second.std
     if few:
         return Intervals(_alone(mean), _alone(std), block, few)
@@ -150,14 +152,14 @@ class _Moments:
         return max(block_length(self.values), block_length(self.spread_influence))
 
 
-def _few(n: int, block: float, worth: float = np.inf) -> str:
+def _few(n: int, block: float, worth: float = np.inf, least: float = MIN_BLOCKS) -> str:
     """Why n frames in such blocks, worth so many independent ones, make no interval, or ""."""
     if n < MIN_FRAMES:
         return f"{n} frames are too few for an interval"
-    if n < MIN_BLOCKS * block:
+    if n < least * block:
         return (
             f"{n} frames that hang together over about {block:.0f} are too few for an interval"
-            f" ({n / block:.1f} blocks, {MIN_BLOCKS:.0f} are needed)"
+            f" ({n / block:.1f} blocks, {least:.0f} are needed)"
         )
     if worth < MIN_INDEPENDENT:
         return (

@@ -250,13 +250,13 @@ def _unit(
     name = stamps.name
     whole = bool((known == np.round(known)).all())
     if not step > 0:
-        return _of_date(float(known[0])) or "s", ""
+        return of_date(float(known[0])) or "s", ""
     if stated is not None and LEAST <= _fps(step, stated) <= MOST:
         return stated, ""
     found = _of_rate(step, rate, whole)
     if found is None and whole and step == 1 and (stated is None or stated in ("us", "ns")):
         found = "frame"
-    date = _of_date(float(np.median(known)))
+    date = of_date(float(np.median(known)))
     if found is None and date is not None and LEAST <= _fps(step, date) <= MOST:
         found = date
     if found is None:
@@ -297,7 +297,7 @@ def _of_rate(step: float, rate: float | None, whole: bool) -> TimeUnit | Literal
     return "frame" if whole and step == 1 else None
 
 
-def _of_date(value: float) -> TimeUnit | None:
+def of_date(value: float) -> TimeUnit | None:
     """The unit in which a value is a time of today, counted from 1970."""
     for unit, factor in UNIT_NS.items():
         if _EPOCH_S[0] < value * factor * 1e-9 < _EPOCH_S[1]:
@@ -310,7 +310,7 @@ def _start_ns(read: Numbers, given: TimeUnit | None) -> int:
     value = read.values[()]
     if read.missing[()]:
         return 0
-    unit = given or read.unit or _of_date(float(value)) or "s"
+    unit = given or read.unit or of_date(float(value)) or "s"
     whole = read.values.dtype.kind == "i"
     ns = int(value) * UNIT_NS[unit] if whole else int(float(value) * UNIT_NS[unit])
     return ns if abs(ns) < MAX_NS else 0
