@@ -326,3 +326,14 @@ def test_landmarks_in_a_picture(read, tmp_path, right, size, says):
     # a hand given relative to its wrist is none
     (sequence,) = read([{"landmarks": objects(j - j[0])} for j in right])
     assert len(sequence) == 12
+
+
+def test_hands_within_hands_without_end(tmp_path):
+    for text in (
+        '{"hands":' * 300 + "{}" + "}" * 300,
+        '[{"hand":' * 100 + "[[]]" + "}]" * 100,
+        '{"handedness":' + "[" * 300 + "]" * 300 + ', "joints": null}',
+    ):
+        (tmp_path / "a.json").write_text(text)
+        with pytest.raises(ht.InputError):
+            ht.load(tmp_path / "a.json")

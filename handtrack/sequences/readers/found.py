@@ -75,10 +75,12 @@ def hands_in(frame: Any, label: Any = None, depth: int = 0) -> list[Found]:
         ]
     if not isinstance(frame, dict) or depth > _DEEPEST:
         return []
-    said = _label(frame)
+    if not any(v is None or isinstance(v, dict | list) for v in frame.values()):
+        return []  # numbers and texts alone are no joints
+    said = _label(frame, depth)
     label = said if said is not None else label
     sides = [(side, v) for k, v in frame.items() if (side := side_key(str(k))) is not None]
-    if sides and any(_is_hand(v) or v is None for _, v in sides):
+    if sides and any(_is_hand(v, depth) or v is None for _, v in sides):
         return [f for side, v in sides for f in _of_side(side, v, depth)]
     keys = _joint_keys(frame)
     if keys:
@@ -124,6 +126,8 @@ def side_of(label: Any) -> Hand | None:
 
 
 def _texts(label: Any, depth: int = 0) -> Iterator[Any]:
+    if depth > _DEEPEST:
+        return
     if isinstance(label, dict):
         for key in _TEXTS:
             yield label.get(key)
@@ -137,7 +141,7 @@ def _texts(label: Any, depth: int = 0) -> Iterator[Any]:
         yield label
 
 
-def _label(frame: dict[str, Any]) -> Any:
+def _label(frame: dict[str, Any], depth: int) -> Any:
     """What tells left from right in an object."""
     for key, value in frame.items():
         if value is None:
@@ -146,7 +150,7 @@ def _label(frame: dict[str, Any]) -> Any:
             bare = str(key).lower().replace("_", "")
             if bare in ("isright", "isleft", "isrighthand", "islefthand"):
                 return "right" if value == ("right" in bare) else "left"
-        elif is_hand_label(str(key)) and not _holds_hands(value):
+        elif is_hand_label(str(key)) and not _holds_hands(value, depth):
             return value
     return next(
         (
@@ -158,17 +162,17 @@ def _label(frame: dict[str, Any]) -> Any:
     )
 
 
-def _holds_hands(value: Any) -> bool:
+def _holds_hands(value: Any, depth: int) -> bool:
     """Whether a value under a name of labels is no label, but the hands themselves."""
     if isinstance(value, dict):
-        return _is_hand(value) or side_of(value) is None
+        return _is_hand(value, depth) or side_of(value) is None
     if not isinstance(value, list):
         return False
-    return any(isinstance(v, int | float) or v is None or _is_hand(v) for v in value[:2])
+    return any(isinstance(v, int | float) or v is None or _is_hand(v, depth) for v in value[:2])
 
 
-def _is_hand(value: Any) -> bool:
-    return are_points(value) or bool(isinstance(value, dict) and hands_in(value))
+def _is_hand(value: Any, depth: int) -> bool:
+    return are_points(value) or bool(isinstance(value, dict) and hands_in(value, None, depth + 1))
 
 
 def _of_side(side: Hand, value: Any, depth: int) -> list[Found]:

@@ -23,10 +23,20 @@ from handtrack.sequences.names import as_side, words
 from handtrack.sequences.readers.bare_table import read_bare
 from handtrack.sequences.readers.fields import FINEST, frame_numbers
 from handtrack.sequences.readers.pictures import refuse_pictures
-from handtrack.sequences.readers.raw import Array, Raw, as_hand, stem, take_rows, usable_confidence
+from handtrack.sequences.readers.raw import (
+    Array,
+    NotJointsError,
+    Raw,
+    as_hand,
+    stem,
+    take_rows,
+    usable_confidence,
+)
 from handtrack.sequences.readers.table_cells import MISSING, Table, read_cells
 from handtrack.sequences.readers.table_columns import Columns, HandColumns, read_columns
 from handtrack.sequences.titles import time_unit
+
+_MOST_COLUMNS = 5000
 
 
 def read_table(data: bytes, path: Path) -> list[Raw]:
@@ -40,6 +50,8 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
     table = read_cells(data, path)
     if table.titles is None or all(c.isdigit() or not c for c in table.titles):
         return read_bare(table, path)
+    if table.width > _MOST_COLUMNS:
+        raise NotJointsError(f"a table of {table.width} columns is of no hands", path)
     columns = read_columns(table.titles, path)
     if not table.lines:
         raise InputError("a header, but no frames", path)
