@@ -101,7 +101,8 @@ def from_fields(fields: Mapping[str, Any], path: Path) -> Raw:
 def _refuse_meant(fields: Mapping[str, Any], path: Path) -> None:
     for key, value in fields.items():
         kind = looks_meant(key)
-        known = time_unit(key) is not None or isinstance(value, dict)
+        # what `handtrack export` writes of events is not of the frames
+        known = time_unit(key) is not None or isinstance(value, dict) or key.startswith("event_")
         if kind in ("a time", "a hand") and not known:
             raise InputError(
                 f"{key[:40]!r} looks like {kind} and is not understood: name it"
