@@ -232,8 +232,9 @@ class Tracker:
             inputs = Frames(np.array(times_ns), observed, w, results.rows)
             steadied = self._filter.advance(inputs)
         # gate and filter look at these again: whoever gets a frame may only read them
-        for array in (observed, given, results.rows):
-            array.flags.writeable = False
+        observed.setflags(write=False)
+        given.setflags(write=False)
+        results.rows.setflags(write=False)
         if steadied is None:
             return [self._frame(*frame, None, False) for frame in frames]
         self._waiting.extend(frames)
@@ -241,7 +242,7 @@ class Tracker:
 
     def _given(self, rows: Array, known: NDArray[np.bool_]) -> list[TrackedFrame]:
         """The next frames that wait, with what the filter makes of them."""
-        rows.flags.writeable = False
+        rows.setflags(write=False)
         return [
             self._frame(*self._waiting.popleft(), row, known_)
             for row, known_ in zip(rows, known.tolist(), strict=True)
