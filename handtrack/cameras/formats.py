@@ -124,7 +124,7 @@ def _rotation(value: Array) -> Array:
         return value.reshape(3, 3)
     if np.linalg.norm(value) > _TURNS:
         raise InputError(f"rotation is {np.linalg.norm(value):.3g} rad, expected axis times angle")
-    return vector_to_matrix(value)
+    return vector_to_matrix(value.ravel())
 
 
 def _entry(table: dict[str, Any], keys: tuple[str, ...], where: str) -> Any:

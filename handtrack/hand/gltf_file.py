@@ -97,15 +97,8 @@ class _Document(_Struct):
     extensions_required: list[str] = []
 
 
-_DAMAGED = (
-    LookupError,
-    MemoryError,
-    OverflowError,
-    RecursionError,
-    TypeError,
-    ValueError,
-    struct.error,
-)
+_DAMAGED: tuple[type[Exception], ...] = (LookupError, MemoryError, OverflowError)
+_DAMAGED += (RecursionError, TypeError, ValueError, struct.error)
 
 
 class SkinnedMesh(NamedTuple):
@@ -261,19 +254,24 @@ class _File:
         rows = np.arange(len(points))[:, None]
         for i in range(_SETS):
             if f"JOINTS_{i}" in has:
-                which = self._array(has[f"JOINTS_{i}"]).astype(np.int64)
-                if which.min() < 0 or which.max() >= n:
-                    raise InputError("has vertices of joints that do not exist", self.path)
+                which = self._places(has[f"JOINTS_{i}"], n, "vertices of joints")
                 np.add.at(weights, (rows, which), self._array(has[f"WEIGHTS_{i}"]))
         total = weights.sum(1, keepdims=True)
         if not (total > 1e-6).all():
             raise InputError("has vertices that follow no joint", self.path)
         faces = np.arange(len(points))
         if primitive.indices is not None:
-            faces = self._array(primitive.indices).astype(np.int64).ravel()
-        if len(faces) % 3 or (len(faces) and not 0 <= faces.min() <= faces.max() < len(points)):
+            faces = self._places(primitive.indices, len(points), "triangles of vertices").ravel()
+        if len(faces) % 3:
             raise InputError("has triangles of vertices that do not exist", self.path)
         return points, faces.reshape(-1, 3), weights / total
+
+    def _places(self, index: int, count: int, what: str) -> NDArray[np.int64]:
+        """Whole numbers of an accessor, all below `count`."""
+        places = self._array(index)
+        if not ((places >= 0) & (places < count) & (places % 1 == 0)).all():
+            raise InputError(f"has {what} that do not exist", self.path)
+        return places.astype(np.int64)
 
     def _array(self, index: int) -> Array:
         """(count, width) numbers of an accessor, normalised where it says so."""

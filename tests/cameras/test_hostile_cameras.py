@@ -175,3 +175,10 @@ def test_what_is_no_file(tmp_path):
     (tmp_path / "c.json").symlink_to("/dev/zero")
     with pytest.raises(InputError, match="is a device, expected a file"):
         load_cameras(tmp_path / "c.json")
+
+
+def test_a_rotation_vector_as_a_column(tmp_path):
+    (tmp_path / "a.yaml").write_text(opencv(R_shape="3 1", R="0.1, 0.2, 0.3"))
+    (tmp_path / "b.toml").write_text(toml(rotation="[[0.1], [0.2], [0.3]]"))
+    a, b = (load_cameras(tmp_path / name)[0] for name in ("a.yaml", "b.toml"))
+    assert np.array_equal(a.rotation, b.rotation)

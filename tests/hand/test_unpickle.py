@@ -10,11 +10,11 @@ import warnings
 
 import numpy as np
 import pytest
-from hand.pickle_gadgets import ARGUMENTS, NAMES, bombs, forms, odd, pointers
 from scipy import sparse
 
 from handtrack.errors import InputError
 from handtrack.hand.unpickle import plain, unpickle
+from tools.fuzz.gadgets import ARGUMENTS, NAMES, bombs, forms, odd, pointers
 
 PATH = "a.pkl"
 VALUES = {

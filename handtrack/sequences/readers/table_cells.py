@@ -129,6 +129,9 @@ class Table:
         return out
 
 
+_LONGEST = 200_000
+
+
 def read_cells(data: bytes, path: Path) -> Table:
     """A text's lines as a table.
 
@@ -136,7 +139,7 @@ def read_cells(data: bytes, path: Path) -> Table:
         NotJointsError: no text.
         InputError: no lines.
     """
-    lines, places, comment = _lines(_text(data, path))
+    lines, places, comment = _lines(_text(data, path), path)
     if not lines:
         raise InputError("no lines in it", path)
     if re.fullmatch(r"sep=[,;\t]", lines[0]):
@@ -185,7 +188,7 @@ def _text(data: bytes, path: Path) -> str:
         raise NotJointsError(f"not UTF-8 text (byte {error.start})", path) from None
 
 
-def _lines(text: str) -> tuple[list[str], list[int], str]:
+def _lines(text: str, path: Path) -> tuple[list[str], list[int], str]:
     """Lines with something in them, their numbers, and the last comment before the first."""
     lines: list[str] = []
     places: list[int] = []
@@ -198,6 +201,8 @@ def _lines(text: str) -> tuple[list[str], list[int], str]:
             if not lines:
                 comment = start.lstrip("#").strip()
             continue
+        if len(line) > _LONGEST:
+            raise InputError(f"line {number} has {len(line):,} letters: no row of a table", path)
         lines.append(line)
         places.append(number)
     return lines, places, comment

@@ -1,0 +1,1 @@
+"""Fuzzing of every reader; see `tools.fuzz.__main__`."""
