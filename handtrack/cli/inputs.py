@@ -240,21 +240,31 @@ def estimates(
     return found
 
 
+_BY_FRAME = ("frame_index", "status", "angles_rad", "filtered_joints_m")
+_EXPORTED = (*_BY_FRAME, "limits_lower_rad", "limits_upper_rad")
+
+
 def _output(path: Path, sequence: Sequence) -> Sequence | Estimate:
     """Of arrays that `handtrack export` wrote what was tracked, not what was observed."""
     import numpy as np
 
     from handtrack.evaluation.measure import Estimate
+    from handtrack.files.npz import read_npz
 
     if path.suffix != ".npz":
         return sequence
-    with np.load(path, allow_pickle=False) as archive:
-        if "filtered_joints_m" not in archive.files:
-            return sequence
-        rows = np.isin(archive["frame_index"], sequence.frame_index)
-        joints, status = archive["filtered_joints_m"][rows], archive["status"][rows]
-        angles = archive["angles_rad"][rows]
-        limits = archive["limits_lower_rad"], archive["limits_upper_rad"]
+    arrays, _ = read_npz(path, path)
+    if "filtered_joints_m" not in arrays:
+        return sequence
+    missing = [name for name in _EXPORTED if name not in arrays]
+    if missing:
+        raise InputError(f"has filtered_joints_m, but no {', '.join(missing)}", path)
+    rows = np.isin(arrays["frame_index"], sequence.frame_index)
+    if any(np.shape(arrays[name])[:1] != rows.shape for name in _BY_FRAME):
+        raise InputError(f"{', '.join(_BY_FRAME)} are not of one length", path)
+    joints, status = arrays["filtered_joints_m"][rows], arrays["status"][rows]
+    angles = arrays["angles_rad"][rows]
+    limits = arrays["limits_lower_rad"], arrays["limits_upper_rad"]
     if joints.shape != sequence.joints.shape:
         raise InputError(
             f"filtered_joints_m has shape {joints.shape}, joints_m {sequence.joints.shape}", path

@@ -71,8 +71,6 @@ def read_npy(data: bytes, path: Path, unpickle: Unpickle | None = None) -> Any:
                 path,
             )
         return unpickle(data[start:])
-    if dtype.kind not in "biufSUc" or dtype.subdtype is not None:
-        raise InputError(f"holds {shown(str(dtype), 60)}, expected plain arrays", path)
     count = 1
     for n in shape:
         count *= n

@@ -293,7 +293,8 @@ class _File:
             raise InputError(f"is cut short: accessor {index} ends after its buffer", self.path)
         shape, strides = (accessor.count, width), (step, dtype.itemsize)
         raw = np.ndarray(shape, dtype, data, start, strides)
-        out = raw.astype(np.float64)
+        with np.errstate(invalid="ignore"):  # a NaN that signals; see below
+            out = raw.astype(np.float64)
         if accessor.normalized and dtype.kind in "iu":
             out = np.maximum(out / np.iinfo(dtype).max, -1.0)
         if not np.isfinite(out).all():

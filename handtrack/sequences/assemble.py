@@ -59,6 +59,7 @@ def assemble(raw: Raw, given: Given) -> Sequence:
     if given.order == AXIS_MAJOR:
         truth = None if raw.truth is None else ordered_by_axis(raw.truth)
         raw = replace(raw, joints=ordered_by_axis(raw.joints), truth=truth)
+    _check_numbers(raw)
     reading = read_order(raw, given.order)
     notes = [*raw.notes, *reading.notes]
     pick = np.array(reading.picks)
@@ -141,6 +142,22 @@ def _picked(joints: Array, picks: Picks) -> Array:
     """(T, 21, 3) our joints of a source's, NaN where it has none."""
     places = np.array(picks)
     return np.where((places < 0)[:, None], np.nan, joints[:, places])
+
+
+def _check_numbers(raw: Raw) -> None:
+    """Numbers that are no place in any unit, whose squares may be no numbers any more."""
+    infinite = np.isinf(raw.joints)
+    if infinite.any():
+        raise InputError(f"frame {np.argwhere(infinite)[0, 0]}: a joint is infinite", raw.path)
+    far = np.abs(np.nan_to_num(raw.joints, nan=0.0)) > 1e3 * FARTHEST
+    if far.any():
+        t, j, _ = np.argwhere(far.reshape(len(far), -1, 3))[0]
+        value = raw.joints.reshape(len(far), -1, 3)[t, j]
+        raise InputError(
+            f"frame {t}: joint {j} is at {', '.join(f'{x:.3g}' for x in value)},"
+            " expected a place near a hand",
+            raw.path,
+        )
 
 
 def _check_reach(joints: Array, raw: Raw) -> None:

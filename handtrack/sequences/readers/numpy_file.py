@@ -2,43 +2,17 @@
 
 from __future__ import annotations
 
-import io
-import struct
-import tokenize
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from handtrack.errors import InputError
+from handtrack.files import npz
 from handtrack.sequences.readers import mano_params
 from handtrack.sequences.readers.both_hands import of_sides, two_hands
 from handtrack.sequences.readers.fields import as_frames, from_fields
 from handtrack.sequences.readers.raw import Raw, stem
 from handtrack.sequences.titles import joints_key
-
-# all that NumPy and zipfile raise for damaged files; MemoryError from a damaged shape
-DAMAGED = (
-    ValueError,
-    EOFError,
-    OSError,
-    KeyError,
-    IndexError,
-    TypeError,
-    OverflowError,
-    MemoryError,
-    NotImplementedError,
-    RuntimeError,
-    SyntaxError,
-    UnicodeError,
-    struct.error,
-    tokenize.TokenError,
-    zipfile.BadZipFile,
-    zipfile.LargeZipFile,
-    zlib.error,
-)
 
 
 def read_npy(data: bytes, path: Path) -> list[Raw]:
@@ -47,10 +21,7 @@ def read_npy(data: bytes, path: Path) -> list[Raw]:
     Raises:
         InputError: damaged, not numbers, or another shape.
     """
-    try:
-        array = np.load(io.BytesIO(data), allow_pickle=False)
-    except DAMAGED as error:
-        raise InputError(damage("the .npy file", error), path) from None
+    array = npz.read_npy(data, path)
     return two_hands(Raw(as_frames(array, path, "the array"), path, stem(path)))
 
 
@@ -61,11 +32,8 @@ def read_npz(data: bytes, path: Path) -> list[Raw]:
         NotJointsError: a whole file without joints.
         InputError: damaged, or a field that does not fit.
     """
-    try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-            fields = {str(name): _scalar(archive[name]) for name in archive.files}
-    except DAMAGED as error:
-        raise InputError(damage("the .npz file", error), path) from None
+    arrays, _ = npz.read_npz(data, path)
+    fields = {name: _scalar(array) for name, array in arrays.items()}
     if not any(joints_key(key) for key in fields) and mano_params.is_mano(fields):
         return mano_params.from_named(fields, path)
     parts = of_sides(_alone(fields))
@@ -84,12 +52,3 @@ def _scalar(value: Any) -> Any:
     """0-d arrays as plain values, so that text looks the same in npz and JSON."""
     plain = value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
     return plain.decode("utf-8", "replace") if isinstance(plain, bytes) else plain
-
-
-def damage(what: str, error: Exception) -> str:
-    """What to say of a NumPy file that raised one of `DAMAGED`."""
-    text = str(error)
-    if "allow_pickle" in text or "Object arrays" in text:
-        return f"{what} holds pickled Python objects, which are not read; expected plain arrays"
-    detail = " ".join(text.split()) or type(error).__name__
-    return f"{what} is damaged or cut short ({detail[:120]})"

@@ -133,7 +133,7 @@ def _named(value: dict[str, Any], place: str, path: Path) -> Points:
     if plan.simple:
         try:  # the usual case, all at once
             places = np.array([value[k] for k in plan.keys], dtype=np.float64)
-        except (TypeError, ValueError):
+        except (OverflowError, TypeError, ValueError):
             places = joints[:0]
         if places.shape == (len(plan.keys), 3):
             joints[list(plan.places)] = places
