@@ -27,6 +27,8 @@ CONTAINERS: tuple[str, ...] = (
     *("hand", "frame"),
 )
 _HOLDERS = frozenset(CONTAINERS)
+MOST_NAMES = 5000
+"""An object of more names is no frame and no hand."""
 _DEEPEST = 6
 _TEXTS: tuple[str, ...] = (
     "categoryName",
@@ -73,7 +75,7 @@ def hands_in(frame: Any, label: Any = None, depth: int = 0) -> list[Found]:
         return [
             f for one in frame if isinstance(one, dict) for f in hands_in(one, label, depth + 1)
         ]
-    if not isinstance(frame, dict) or depth > _DEEPEST:
+    if not isinstance(frame, dict) or depth > _DEEPEST or len(frame) > MOST_NAMES:
         return []
     if not any(v is None or isinstance(v, dict | list) for v in frame.values()):
         return []  # numbers and texts alone are no joints

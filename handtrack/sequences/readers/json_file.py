@@ -22,7 +22,7 @@ import msgspec
 from handtrack.errors import InputError
 from handtrack.sequences.readers.both_hands import of_sides, two_hands
 from handtrack.sequences.readers.fields import as_frames, from_fields
-from handtrack.sequences.readers.found import hands_in
+from handtrack.sequences.readers.found import MOST_NAMES, hands_in
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.points import are_points
 from handtrack.sequences.readers.raw import NotJointsError, Raw, stem
@@ -99,6 +99,8 @@ def _frames(values: list[Any], path: Path, about: dict[str, Any]) -> list[Raw]:
 
 
 def _object(value: dict[str, Any], path: Path) -> list[Raw]:
+    if len(value) > MOST_NAMES:
+        raise NotJointsError(f"an object of {len(value)} names is of no hands", path)
     for key in _LISTS:
         frames = value.get(key)
         if frames == [] and key == "frames":
