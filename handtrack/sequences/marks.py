@@ -97,9 +97,11 @@ def _zeros(joints: Array, missing: Mask) -> Mask:
     distances = [_radii(joints[t][there[t] & ~at[t]], np.zeros(3)) for t in frames]
     if not np.median(distances) <= _FAR:
         return at
-    # of several the wrist, which is first or last, is what the others are given relative to
+    # of many the wrist, which is first or last, is what the others are given relative to; of two
+    # at one place the hand they make tells which is there
     n = joints.shape[1]
-    root = next(j for j in (0, n - 1, *always) if j in always)
+    roots = always if len(always) < 3 else [next(j for j in (0, n - 1, *always) if j in always)]
     amid: Mask = at.copy()
-    amid[some, root] = False
+    for root in roots:
+        amid[some, root] = False
     return amid
