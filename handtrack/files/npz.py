@@ -94,6 +94,11 @@ def _header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any], int]
     version = npy.read_magic(file)
     if version not in ((1, 0), (2, 0), (3, 0)):
         raise ValueError(f"version {version}")
+    place = file.tell()
+    file.seek(place + (2 if version == (1, 0) else 4))  # its length
+    if not file.read(_HEADER).partition(b"\n")[0].isascii():
+        raise ValueError("a header that is no plain text")  # Python would import for it
+    file.seek(place)
     header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
     shape, fortran, dtype = header(file, max_header_size=_HEADER)
     if len(shape) > _DIMENSIONS or any(n < 0 for n in shape):

@@ -40,7 +40,7 @@ _DAMAGED = (
     lzma.LZMAError,
 )
 # names alone pack so well that their number says nothing; what has content takes some bytes
-_MEMBERS, _PACKED_MEMBER = 50_000, 100
+_MEMBERS, _PACKED_MEMBER = 20_000, 100
 
 
 class _Unpacking(io.RawIOBase):
