@@ -82,7 +82,7 @@ def _advice(palm: float, unit: Unit) -> str:
     low, high = PLAUSIBLE_PALM
     fits = [u for u in METRES if low <= palm / METRES[unit] * METRES[u] <= high]
     advice = (
-        f"unit {fits[0]} would fit"
+        f"--unit {fits[0]} would fit"
         if fits
         else "none of m, cm, mm would fit (are these 3D positions in one unit of length?)"
     )

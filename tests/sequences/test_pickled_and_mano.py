@@ -87,7 +87,9 @@ def test_nothing_in_a_pickle_is_run(tmp_path, monkeypatch):
         ht.load(tmp_path)
     assert not (tmp_path / "pwned").exists()
     write(tmp_path / "other.pkl", {"weights": np.zeros(3)})
-    with pytest.raises(InputError, match="expected handJoints3D or pred_output_list in it, found"):
+    with pytest.raises(
+        InputError, match="other.pkl: no joints in it: expected joints_m or joints, found weights"
+    ):
         ht.load(tmp_path / "other.pkl")
 
 
@@ -266,3 +268,31 @@ def test_mano_parameters_are_tracked_and_judged(tmp_path, mano_folder, monkeypat
     (row,) = json.loads(capsys.readouterr().out)["sequences"]
     assert row["against"] == "truth"
     assert row["pa_mpjpe_mm"]["mean"] < 0.5
+
+
+# --- joints that a script pickled
+
+
+@pytest.mark.parametrize("protocol", [0, 2, 5])
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda x: x,
+        lambda x: x.astype(np.float32),
+        lambda x: {"joints": x, "hand": "right"},
+        lambda x: [{"hand": "right", "landmarks": frame} for frame in x],
+        lambda x: [None, *x[1:]],
+        lambda x: {"left": x * [1, -1, 1], "right": x},
+    ],
+)
+def test_joints_of_a_script(tmp_path, right, made, protocol):
+    write(tmp_path / "mine.pkl", made(right), protocol)
+    *_, found = ht.load(tmp_path / "mine.pkl")
+    assert (found.name.split()[0], found.hand, len(found)) == ("mine", "right", len(right))
+    np.testing.assert_allclose(found.joints[1:], right[1:], atol=1e-6)
+
+
+def test_a_pickle_without_joints(tmp_path):
+    write(tmp_path / "other.pkl", {"a": 1, "b": [2, 3]})
+    with pytest.raises(InputError, match=r"other.pkl: no joints in it: .*found a, b"):
+        ht.load(tmp_path / "other.pkl")

@@ -25,7 +25,7 @@ def test_the_unit_that_fits_is_named(tmp_path, right, factor, unit, fits, wrist)
         joints[:, 0] = np.nan
     np.savez(tmp_path / "a.npz", joints=joints)
     with pytest.raises(
-        ht.InputError, match=f"from wrist to knuckles with unit {unit or 'm'}; unit {fits} would"
+        ht.InputError, match=f"from wrist to knuckles with unit {unit or 'm'}; --unit {fits} would"
     ):
         ht.load(tmp_path / "a.npz", unit=unit)
     assert len(ht.load(tmp_path / "a.npz", unit=fits)) == 1
@@ -46,7 +46,7 @@ def test_no_unit_fits(tmp_path, right):
 
 def test_unit_in_the_file_is_checked_too(tmp_path, right):
     np.savez(tmp_path / "a.npz", joints_mm=right)
-    with pytest.raises(ht.InputError, match="unit m would fit"):
+    with pytest.raises(ht.InputError, match="--unit m would fit"):
         ht.load(tmp_path / "a.npz")
 
 

@@ -68,7 +68,15 @@ def read_json(data: bytes, path: Path) -> list[Raw]:
         NotJointsError: well-formed, but without joints.
         InputError: malformed, or a field that does not fit.
     """
-    value = decode(data, Any, path)
+    return from_value(decode(data, Any, path), path)
+
+
+def from_value(value: Any, path: Path) -> list[Raw]:
+    """The sequences of lists, objects and numbers, wherever they were stored.
+
+    Raises:
+        NotJointsError, InputError: as `read_json`.
+    """
     if isinstance(value, dict):
         return _object(value, path)
     if not isinstance(value, list):

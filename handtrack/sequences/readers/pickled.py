@@ -1,4 +1,5 @@
-"""Readers of pickled frames: HO-3D's `meta/*.pkl` and FrankMocap's `*_prediction_result.pkl`.
+"""Readers of pickled frames: HO-3D's `meta/*.pkl`, FrankMocap's `*_prediction_result.pkl`, and
+arrays, lists and objects of joints, which are read as JSON's are.
 
 Nothing in a pickle is run (`handtrack.hand.unpickle`).
 
@@ -24,6 +25,7 @@ from handtrack.errors import InputError, shown
 from handtrack.files import budget
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
 from handtrack.hand.unpickle import plain, unpickle
+from handtrack.sequences.readers.json_file import from_value
 from handtrack.sequences.readers.raw import Array, NoFramesError, NotJointsError, Raw
 
 HO3D_NAME = re.compile(r"(\d{3,9})\.pkl")
@@ -36,18 +38,31 @@ Frames = tuple[int, int] | None
 
 
 def read_pickle(data: bytes, path: Path) -> list[Raw]:
-    """The sequences, of one frame each, of one pickle of either kind.
+    """The sequences of one pickle: of one frame, where it is HO-3D's or FrankMocap's.
 
     Raises:
         NotJointsError: another pickle.
         InputError: damaged, or not as its format says.
     """
-    content = _content(data, path)
-    if _HO3D in content:
+    content = unpickle(data, path)
+    if isinstance(content, dict) and _HO3D in content:
         return _ho3d([(0, path, content)], path)
-    if _FRANKMOCAP in content:
+    if isinstance(content, dict) and _FRANKMOCAP in content:
         return _frankmocap([(0, path, content)], path)
-    raise NotJointsError(f"expected {_HO3D} or {_FRANKMOCAP} in it, found {_keys(content)}", path)
+    return from_value(_written_out(content, path), path)
+
+
+def _written_out(value: Any, path: Path) -> Any:
+    """A pickle's content as JSON would hold it; the budget of `unpickle` bounds its depth."""
+    if isinstance(value, dict):
+        return {str(key): _written_out(v, path) for key, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_written_out(v, path) for v in value]
+    if value is None or isinstance(value, str | int | float):
+        return value
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    return _points(value, path, "an array").tolist()
 
 
 def read_ho3d(paths: Iterable[Path], folder: Path, frames: Frames = None) -> list[Raw]:

@@ -157,5 +157,6 @@ def stem(path: Path) -> str:
 
 _SUFFIXES = (
     *(".gz", ".bz2", ".xz", ".tgz", ".tar"),
-    *(".json", ".jsonl", ".ndjson", ".npz", ".npy", ".csv", ".txt", ".mcap"),
+    *(".json", ".jsonl", ".ndjson", ".npz", ".npy", ".csv", ".tsv", ".txt"),
+    *(".mcap", ".pkl", ".pickle"),
 )

@@ -79,7 +79,9 @@ def read_bytes(data: bytes, path: Path, kind: str | None = None) -> list[Raw]:
         return numpy_file.read_npy(data, path)
     if data.startswith(ZIP_MAGIC):
         return numpy_file.read_npz(data, path)
-    if data[:1] == PICKLE_START and data[-1:] == b".":
+    # protocols 0 and 1 have no mark of their own
+    named = path.suffix in (".pkl", ".pickle")
+    if (named or data[:1] == PICKLE_START) and data[-1:] == b".":
         return pickled.read_pickle(data, path)
     data = as_utf8(data)
     if b"\0" in data[:512]:
