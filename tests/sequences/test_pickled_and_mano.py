@@ -88,7 +88,7 @@ def test_nothing_in_a_pickle_is_run(tmp_path, monkeypatch):
     assert not (tmp_path / "pwned").exists()
     write(tmp_path / "other.pkl", {"weights": np.zeros(3)})
     with pytest.raises(
-        InputError, match="other.pkl: no joints in it: expected joints_m or joints, found weights"
+        InputError, match=r"other.pkl: no joints in it: expected joints_m or joints, found weights"
     ):
         ht.load(tmp_path / "other.pkl")
 
