@@ -21,8 +21,8 @@ _WHERE = {
     "Sequence": "sequences.sequence",
     "load": "sequences.load",
     "repair_identity": "sequences.identity",
-    "Fit": "fitting.bcd",
-    "fit": "fitting.bcd",
+    "Fit": "fitting.fit",
+    "fit": "fitting.fit",
     "fit_batch": "fitting.batch",
     "fit_2d": "fitting.images",
     "Camera": "cameras.camera",
@@ -60,8 +60,8 @@ if TYPE_CHECKING:
     from handtrack.evaluation.stability import stability as stability
     from handtrack.exporting.files import export as export
     from handtrack.fitting.batch import fit_batch as fit_batch
-    from handtrack.fitting.bcd import Fit as Fit
-    from handtrack.fitting.bcd import fit as fit
+    from handtrack.fitting.fit import Fit as Fit
+    from handtrack.fitting.fit import fit as fit
     from handtrack.fitting.images import fit_2d as fit_2d
     from handtrack.hand.hand_file import load_hand as load_hand
     from handtrack.hand.hand_file import save_hand as save_hand

@@ -73,7 +73,7 @@ def calibrate(
     check_target(output, ".json", "-o", [Path(s.source) for s in sequences if s.source])
     _check_one_subject(sequences)
     with compiling_said(quiet or as_json):
-        from handtrack.fitting.bcd import warm_up
+        from handtrack.fitting.fit import warm_up
 
         warm_up()
         hand, found, notes = _calibrated(models, sequences, method)

@@ -42,10 +42,10 @@ def compiling_said(quiet: bool) -> Iterator[None]:
 
 def warm_up(settings: dict[str, Any]) -> None:
     """Have the machine code ready that tracking by these settings needs."""
-    from handtrack.fitting import bcd
+    from handtrack.fitting import fit
     from handtrack.tracking import filters
 
-    bcd.warm_up()
+    fit.warm_up()
     steady = ("filter", "lag", "process_noise", "couple")
     filters.warm_up(filters.FilterSettings(*(settings[name] for name in steady)))
     if settings["update"] != "exact":  # a solver that is loaded, or compiled, when asked for

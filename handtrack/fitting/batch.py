@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.fitting import bcd
+from handtrack.fitting import fit
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_JOINTS
 
@@ -41,10 +41,10 @@ def fit_batch(
     model: HandModel,
     joints: ArrayLike,
     weights: ArrayLike | None = None,
-    update: bcd.Update = "exact",
-    method: bcd.Method = "newton",
-    robust: bcd.Robust = "none",
-    spread_mm: float = bcd.SPREAD_MM,
+    update: fit.Update = "exact",
+    method: fit.Method = "newton",
+    robust: fit.Robust = "none",
+    spread_mm: float = fit.SPREAD_MM,
     noise_mm: float | None = None,
     collisions: bool = False,
     threads: int | None = None,
@@ -72,14 +72,14 @@ def fit_batch(
     threads = os.cpu_count() or 1 if threads is None else threads
     if threads < 1:
         raise SettingsError(f"threads is {threads}, expected at least 1")
-    program = bcd.Program(
+    program = fit.Program(
         update, method, robust, spread_mm, noise_mm=noise_mm, collisions=collisions
     )
     program.contacts(model)  # once, not in every thread
 
-    def run(part: slice) -> bcd.Results:
-        results = bcd.Results(len(targets[part]), full=False)
-        keep, start = bcd.start_at(model), model.mean_angles
+    def run(part: slice) -> fit.Results:
+        results = fit.Results(len(targets[part]), full=False)
+        keep, start = fit.start_at(model), model.mean_angles
         results.run(program, model, targets[part], w[part], keep, start, alone=True)
         return results
 
@@ -91,7 +91,7 @@ def fit_batch(
         return np.concatenate([getattr(part, name) for part in parts])
 
     roots = join("roots")
-    status = np.array([bcd.STATUS.get(int(s), "missing") for s in join("states")], dtype=str)
+    status = np.array([fit.STATUS.get(int(s), "missing") for s in join("states")], dtype=str)
     return BatchFit(
         angles=join("angles"),
         rotation=roots[:, :9].reshape(-1, 3, 3),

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from handtrack.cameras.camera import Camera
 from handtrack.cameras.triangulate import triangulate
 from handtrack.errors import InputError, SettingsError
-from handtrack.fitting import bcd
+from handtrack.fitting import fit
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import vector_to_matrix
 from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
@@ -74,7 +74,7 @@ def fit_2d(
     image_points: ArrayLike,
     cameras: Sequence[Camera],
     weights: ArrayLike | None = None,
-    start: ViewFit | bcd.Fit | ArrayLike | None = None,
+    start: ViewFit | fit.Fit | ArrayLike | None = None,
     spread_px: float = SPREAD_PX,
     prior_deg: float | None = None,
 ) -> ViewFit:
@@ -147,7 +147,7 @@ def _starts(
     model: HandModel, cameras: Sequence[Camera], pixels: Array, w: Array, start: object
 ) -> list[tuple[Array, Array]]:
     """Where to begin: angles (20,) and root (12,)."""
-    if isinstance(start, ViewFit | bcd.Fit):
+    if isinstance(start, ViewFit | fit.Fit):
         root = np.concatenate([start.rotation.ravel(), start.translation])
         return [(model.limits.clamp(start.angles), root)]
     angles = model.mean_angles.copy()
@@ -159,7 +159,7 @@ def _starts(
     if len(cameras) > 1:
         points, _ = triangulate(cameras, np.where(w[..., None] > 0, pixels, np.nan), w)
         if np.isfinite(points[:, 0]).sum() >= MIN_POINTS:
-            solid = bcd.fit(model, points, start=None if start is None else angles)
+            solid = fit.fit(model, points, start=None if start is None else angles)
             return [(solid.angles, np.concatenate([solid.rotation.ravel(), solid.translation]))]
     return [(angles, root) for root in _turns(model, cameras, pixels, w, angles)]
 
@@ -227,7 +227,7 @@ class ViewResults:
         self.objective = np.empty(n)
         self.steps = np.zeros(n, dtype=np.int64)
         self.state = np.zeros(n, dtype=np.int64)
-        self.covariance = np.empty((n, bcd.N_POSE, bcd.N_POSE))
+        self.covariance = np.empty((n, fit.N_POSE, fit.N_POSE))
         self.angles = np.empty((n, N_ANGLES))
         self.roots = np.empty((n, 12))
         self._of: tuple[HandModel, Sequence[Camera]] | None = None
@@ -287,10 +287,10 @@ class ViewResults:
         seen = np.stack([camera.project(self.joints[t]) for camera in cameras])
         error = np.where(w > 0, np.linalg.norm(seen - pixels, axis=-1), np.nan)
         rotation = self.roots[t, :9].reshape(3, 3)
-        free = max(2 * int((w > 0).sum()) - bcd.N_POSE, 1)
+        free = max(2 * int((w > 0).sum()) - fit.N_POSE, 1)
         covariance = self.covariance[t] * (self.objective[t] / free)
         # the solver's omega and v are in the root frame
-        to_world = np.eye(bcd.N_POSE)
+        to_world = np.eye(fit.N_POSE)
         to_world[20:23, 20:23] = to_world[23:26, 23:26] = rotation
         covariance = to_world @ covariance @ to_world.T
         status = "converged" if self.state[t] == CONVERGED else "iteration limit"

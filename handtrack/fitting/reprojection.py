@@ -12,9 +12,9 @@ import math
 
 import numpy as np
 
-from handtrack.fitting.compiled import inline, kernel
-from handtrack.fitting.lens import view
-from handtrack.fitting.vectors import add, cross, dot, rotate, row, scale, sub
+from handtrack.kernels.compiled import inline, kernel
+from handtrack.kernels.lens import view
+from handtrack.kernels.vectors import add, cross, dot, rotate, row, scale, sub
 
 N = 26
 # a joint that falls behind a camera costs as much as being so far off [px^2]

@@ -11,8 +11,8 @@ from typing import Protocol
 import numpy as np
 
 from handtrack.errors import SettingsError
-from handtrack.fitting.frames import OUT_SIZE
 from handtrack.hand.model import HandModel
+from handtrack.kernels.frame_loop import OUT_SIZE
 from handtrack.tracking.filter_settings import FILTERS, FilterSettings
 from handtrack.tracking.kalman import FixedLagFilter, Frames, KalmanFilter, Smoother, Steadied
 from handtrack.tracking.one_euro import OneEuroFilter

@@ -17,9 +17,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.fitting import bcd, frames, lanes
+from handtrack.fitting import fit
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import JOINT_NAMES
+from handtrack.kernels import frame_loop as frames
+from handtrack.kernels import workspace
 from handtrack.tracking.outliers import (
     NONE,
     Mask,
@@ -32,8 +34,8 @@ from handtrack.tracking.outliers import (
 )
 
 Array = NDArray[np.float64]
-REJECTED = lanes.UNDERDETERMINED + 1
-"""State of a frame that was fitted but is not believed; the other states are in `lanes`."""
+REJECTED = workspace.UNDERDETERMINED + 1
+"""State of a frame that was fitted but is not believed; the others are in `kernels.workspace`."""
 
 # Distances in metres or in multiples of the usual noise (deviation per coordinate), whichever is
 # more. A joint that the fit leaves further off than the first is looked at, one that is
@@ -87,7 +89,7 @@ PLAIN = Verdict(NONE)
 class Gate:
     """Fits frames, and decides what of them is to be believed. It remembers what is usual."""
 
-    def __init__(self, program: bcd.Program, model: HandModel, min_joints: int, patience_s: float):
+    def __init__(self, program: fit.Program, model: HandModel, min_joints: int, patience_s: float):
         """Args:
         program, model, min_joints: how frames are fitted.
         patience_s: after so long without a frame to believe, they are taken as they are [s].
@@ -101,7 +103,7 @@ class Gate:
         """Forget all frames."""
         self._noise, self._frames = _FIRST_NOISE_M, 1
         # where the hand was when a frame was last believed
-        self._last: tuple[bcd.Results, int] | None = None
+        self._last: tuple[fit.Results, int] | None = None
         self._place: Place | None = None
         self._time_ns = 0
         # since when no frame was believed
@@ -111,7 +113,7 @@ class Gate:
 
     def run(
         self,
-        results: bcd.Results,
+        results: fit.Results,
         times_ns: list[int] | tuple[int, ...],
         observed: Array,
         w: Array,
@@ -154,7 +156,7 @@ class Gate:
 
     def _first_doubtful(
         self,
-        results: bcd.Results,
+        results: fit.Results,
         times_ns: list[int] | tuple[int, ...],
         observed: Array,
         w: Array,
@@ -173,7 +175,7 @@ class Gate:
         return None
 
     def _believe(
-        self, results: bcd.Results, t: int, noise: float, place: Place, time_ns: int
+        self, results: fit.Results, t: int, noise: float, place: Place, time_ns: int
     ) -> None:
         self._frames += 1
         self._noise += max(1.0 / self._frames, _GAIN) * (noise - self._noise)
@@ -213,18 +215,18 @@ class Gate:
         return np.asarray((w > 0.0) & (distance > reach))
 
     def _resolve(
-        self, results: bcd.Results, t: int, time_ns: int, observed: Array, w: Array, keep: Array
+        self, results: fit.Results, t: int, time_ns: int, observed: Array, w: Array, keep: Array
     ) -> Verdict:
         """Fit a doubtful frame as it should be, or reject it; keep is what was before it."""
         if math.isnan(results.objective[t]):
             strays = self._strays(observed, w, time_ns)
             w[strays] = 0.0
             strays.flags.writeable = False
-            bcd.forget(keep)
+            fit.forget(keep)
             names = ", ".join(JOINT_NAMES[j] for j in np.flatnonzero(strays))
             return Verdict(strays, f"{names} rejected, too far from the last pose")
         first, cold = keep, keep.copy()
-        bcd.forget(cold)
+        fit.forget(cold)
         was_fitted = keep[frames.MEMORY] == frames.FITTED
         # perhaps the pose before is in the wrong basin: from the mean pose as well, with all
         # joints, as leaving some out could explain that away
@@ -248,7 +250,7 @@ class Gate:
             patient = self._doubt_ns is None or time_ns - self._doubt_ns < self._patience_ns
             if patient and not (usual and not was_fitted):
                 self._doubt_ns = time_ns if self._doubt_ns is None else self._doubt_ns
-                bcd.forget(keep)
+                fit.forget(keep)
                 _reject(results, t)
                 w[:] = 0.0
                 return Verdict(NONE, f"rejected: {why}")
@@ -280,7 +282,7 @@ def _joined(*texts: str) -> str:
     return "; ".join(text for text in texts if text)
 
 
-def _reject(results: bcd.Results, t: int) -> None:
+def _reject(results: fit.Results, t: int) -> None:
     """Make frame t one that was not fitted."""
     row = results.rows[t]
     seen = row[frames.OUT_SEEN]
@@ -290,7 +292,7 @@ def _reject(results: bcd.Results, t: int) -> None:
     row[frames.OUT_SWEEPS] = row[frames.OUT_STEPS] = row[frames.OUT_ANEW] = 0.0
 
 
-def _forget_after(results: bcd.Results, last: int, before: Array, keep: Array) -> None:
+def _forget_after(results: fit.Results, last: int, before: Array, keep: Array) -> None:
     """Make keep what it was after frame `last` of the results (-1: before them)."""
     keep[:] = before
     fitted = np.flatnonzero(~np.isnan(results.objective[: last + 1]))
@@ -300,4 +302,4 @@ def _forget_after(results: bcd.Results, last: int, before: Array, keep: Array) -
         keep[frames.KEEP_ROOT : frames.MEMORY] = row[frames.OUT_ROOT : frames.OUT_QUATERNION]
         keep[frames.MEMORY] = frames.FITTED
     if last >= 0 and (not fitted.size or fitted[-1] < last):
-        bcd.forget(keep)
+        fit.forget(keep)

@@ -7,17 +7,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.fitting import bcd
-from handtrack.fitting.frames import OUT_NOISE, OUT_SIZE
-from handtrack.fitting.information import information
-from handtrack.fitting.lanes import LOSS, SIZE, SPREAD2
+from handtrack.fitting import fit
 from handtrack.hand.model import HandModel
-from handtrack.tracking import kalman_kernel as kernels
-from handtrack.tracking import process_kernel, process_noise, smoother_kernel
+from handtrack.kernels import evidence as motion
+from handtrack.kernels import filter_loop, smoother
+from handtrack.kernels.filter_state import FILTER, KEPT, NOTE, NOTHING
+from handtrack.kernels.frame_loop import OUT_NOISE, OUT_SIZE
+from handtrack.kernels.information import information
+from handtrack.kernels.kalman import LEAST_NOISE
+from handtrack.tracking import process_noise
 from handtrack.tracking.filter_settings import FilterSettings
 from handtrack.tracking.process_noise import N_POSE
 
 Array = NDArray[np.float64]
+Records = NDArray[np.void]
+"""(T,) of KEPT or of NOTE (see `kernels.filter_state`)."""
 Steadied = tuple[Array, NDArray[np.bool_]]
 """Rows (n, OUT_SIZE) of poses, quaternions and joints, NaN where nothing is known; and (n,) which
 are known."""
@@ -36,7 +40,7 @@ class Frames(NamedTuple):
     Attributes:
         times_ns: (T,) increasing [ns].
         joints: (T, 21, 3) [m]; weights: (T, 21), 0 where a joint is missing.
-        raw: (T, OUT_SIZE) rows of `bcd.Results`, NaN where nothing is fitted.
+        raw: (T, OUT_SIZE) rows of `fit.Results`, NaN where nothing is fitted.
     """
 
     times_ns: NDArray[np.int64]
@@ -47,23 +51,6 @@ class Frames(NamedTuple):
     def part(self, of: slice) -> Frames:
         """Some of the frames."""
         return Frames(self.times_ns[of], self.joints[of], self.weights[of], self.raw[of])
-
-
-class Kept:
-    """What a smoother needs of n frames; `arrays` as in `filter_frames`."""
-
-    def __init__(self, n: int, arrays: tuple[Array, ...] | None = None):
-        self.arrays = arrays or (
-            np.zeros((n, 5, N_POSE)),
-            np.zeros((n, 32)),
-            np.zeros((n, 2, N_POSE, N_POSE)),
-            np.zeros((n, N_POSE, N_POSE)),
-            np.zeros((n, N_POSE)),
-        )
-
-    def part(self, frames: slice) -> Kept:
-        """A view of some of the frames."""
-        return Kept(0, tuple(a[frames] for a in self.arrays))
 
 
 class KalmanFilter:
@@ -83,10 +70,7 @@ class KalmanFilter:
         settings: which filter.
         coast_s: how long to predict where nothing is fitted [s].
         """
-        self._buffer = np.zeros(SIZE)
-        kernels.load(self._buffer, *(np.array(x) for x in bcd.constants(model)))
-        self._buffer[LOSS] = bcd.LOSSES[settings.robust]
-        self._buffer[SPREAD2] = (1e-3 * settings.spread_mm) ** 2
+        self._hand = fit.constants(model)
         follow = settings.process_noise == "auto"
         self._settings: tuple[Any, ...] = (
             int(settings.couple),
@@ -95,6 +79,8 @@ class KalmanFilter:
             _NOISE_GAIN,
             int(coast_s * 1e9),
             process_noise.MEMORY_S,
+            fit.LOSSES[settings.robust],
+            (1e-3 * settings.spread_mm) ** 2,
         )
         factor = settings.process_noise
         density = process_noise.DENSITY if factor == "auto" else process_noise.scaled(factor)
@@ -104,16 +90,7 @@ class KalmanFilter:
 
     def reset(self) -> None:
         """Forget everything."""
-        self._state: Any = (  # as `filter_frames` has it
-            np.zeros(process_kernel.STATE),
-            np.zeros(2, np.int64),
-            np.zeros((kernels.MATRICES, N_POSE, N_POSE)),
-            np.zeros((process_kernel.VECTORS, N_POSE)),
-            self._buffer,
-            np.zeros((self._grid.shape[1], process_kernel.BANK, N_POSE)),
-            np.zeros(20),
-            np.zeros(12),
-        )
+        self._state = np.zeros(1, FILTER)
 
     def advance(self, frames: Frames) -> Steadied:
         """Take in the next frames.
@@ -126,33 +103,36 @@ class KalmanFilter:
             known; and which of them are known.
         """
         out, notes = self._run(frames, None)
-        return out, notes[:, kernels.KIND] != kernels.NOTHING
+        return out, notes["kind"] != NOTHING
 
     def finish(self) -> Steadied:
         """The frames that are still to come; the filter is as new then."""
         self.reset()
         return _no_frames()
 
-    def _run(self, frames: Frames, kept: Kept | None) -> tuple[Array, Array]:
-        """Rows (T, OUT_SIZE) and notes (T, 3), as `filter_frames` has them."""
+    @property
+    def with_model(self) -> tuple[Any, int, tuple[Any, ...]]:
+        """What every compiled function takes of the filter: hand, solver, settings."""
+        return self._hand, information.address, self._settings
+
+    def _run(self, frames: Frames, kept: Records | None) -> tuple[Array, Records]:
+        """Rows (T, OUT_SIZE) and notes (T,), as `filter_frames` has them."""
         n = len(frames.raw)
-        out, notes = np.full((n, OUT_SIZE), np.nan), np.zeros((n, 3))
-        kernels.filter_frames(
+        out, notes = np.full((n, OUT_SIZE), np.nan), np.zeros(n, NOTE)
+        filter_loop.filter_frames(
             self._state,
-            information.address,
-            self._settings,
-            self._process,
-            self._grid,
+            *self.with_model,
+            (self._process, self._grid),
             *frames,
             out,
             notes,
             int(kept is not None),
-            (kept or _NONE_KEPT).arrays,
+            _NONE_KEPT if kept is None else kept,
         )
         return out, notes
 
 
-_NONE_KEPT = Kept(0)
+_NONE_KEPT = np.zeros(0, KEPT)
 
 
 def _no_frames() -> Steadied:
@@ -173,34 +153,26 @@ class FixedLagFilter:
     def reset(self) -> None:
         """Forget everything."""
         self._kalman.reset()
-        self._kept, self._notes = Kept(0), np.zeros((0, 3))
+        self._kept, self._notes = np.zeros(0, KEPT), np.zeros(0, NOTE)
 
     def advance(self, frames: Frames) -> Steadied:
         """As `KalmanFilter.advance`."""
-        before, n = len(self._notes), len(frames.raw)
-        kept = Kept(before + n)
-        for new, old in zip(kept.arrays, self._kept.arrays, strict=True):
-            new[:before] = old
-        part = kept.part(slice(before, None))
-        notes = self._kalman._run(frames, part)[1]
+        kept = np.concatenate([self._kept, np.zeros(len(frames.raw), KEPT)])
+        notes = self._kalman._run(frames, kept[len(self._kept) :])[1]
         notes = np.concatenate([self._notes, notes])
         ready = max(len(notes) - self.lag, 0)
         out = np.full((ready, OUT_SIZE), np.nan)
-        smoother_kernel.lag_frames(
-            self._kalman._state, information.address, self.lag, notes, kept.arrays, out
-        )
-        self._kept, self._notes = kept.part(slice(ready, None)), notes[ready:]
-        return out, notes[:ready, kernels.KIND] != kernels.NOTHING
+        smoother.lag_frames(*self._kalman.with_model, self.lag, notes, kept, out)
+        self._kept, self._notes = kept[ready:], notes[ready:]
+        return out, notes["kind"][:ready] != NOTHING
 
     def finish(self) -> Steadied:
         """As `KalmanFilter.finish`."""
         notes, kept = self._notes, self._kept
         out = np.full((len(notes), OUT_SIZE), np.nan)
-        smoother_kernel.smooth_frames(
-            self._kalman._state, information.address, 0, len(notes), notes, kept.arrays, out
-        )
+        smoother.smooth_frames(*self._kalman.with_model, 0, len(notes), notes, kept, out)
         self.reset()
-        return out, notes[:, kernels.KIND] != kernels.NOTHING
+        return out, notes["kind"] != NOTHING
 
 
 class Smoother:
@@ -235,12 +207,12 @@ class Smoother:
         if not self._parts:
             return _no_frames()
         inputs = Frames(*(np.concatenate(x) for x in zip(*self._parts, strict=True)))
-        kalman, (coupled, _, noise, gain, coast_ns, memory) = self._kalman, self._settings
+        kalman, (coupled, _, noise, gain, coast_ns, *rest) = self._kalman, self._settings
         shown = inputs.raw[:, OUT_NOISE]
         if not noise and np.isfinite(shown).any():
-            noise = max(float(np.nanmedian(shown)), kernels.LEAST_NOISE)
+            noise = max(float(np.nanmedian(shown)), LEAST_NOISE)
         try:
-            kalman._settings = (coupled, 0, noise, gain, 2 * coast_ns, memory)
+            kalman._settings = (coupled, 0, noise, gain, 2 * coast_ns, *rest)
             if self._learn:
                 kalman._process = process_noise.process(self._learnt(inputs))
             out, known = self._smoothed(inputs)
@@ -257,8 +229,8 @@ class Smoother:
         n = len(inputs.raw)
         count = min(_STRETCHES, -(-n // _STRETCH))
         begins = np.linspace(0, max(n - _STRETCH, 0), count).astype(int)
-        climber, work = process_noise.Climber(), np.zeros((8, N_POSE, N_POSE))
-        kept = Kept(min(n, _STRETCH))
+        climber, work = process_noise.Climber(), np.zeros((motion.MATRICES, N_POSE, N_POSE))
+        kept = np.zeros(min(n, _STRETCH), KEPT)
         while True:
             self._kalman._process = process_noise.process(climber.density)
             likelihood, evidence = 0.0, np.zeros((2, N_POSE))
@@ -266,8 +238,8 @@ class Smoother:
                 self._kalman.reset()
                 part = inputs.part(slice(begin, begin + _STRETCH))
                 notes = self._kalman._run(part, kept)[1]
-                smoother_kernel.motion_evidence(notes, kept.arrays, work, evidence)
-                likelihood += float(notes[:, kernels.LIKELIHOOD].sum())
+                motion.motion_evidence(notes, kept[: len(notes)], work, evidence)
+                likelihood += float(notes["likelihood"].sum())
             if not climber.step(likelihood, evidence):
                 return climber.best
 
@@ -276,21 +248,20 @@ class Smoother:
         kalman = self._kalman
         kalman.reset()
         out, known = np.full((n, OUT_SIZE), np.nan), np.zeros(n, dtype=np.bool_)
-        kept = Kept(min(n, _WINDOW + _BEYOND))
+        kept = np.zeros(min(n, _WINDOW + _BEYOND), KEPT)
         for begin in range(0, n, _WINDOW):
             last, end = min(begin + _WINDOW, n), min(begin + _WINDOW + _BEYOND, n)
-            notes = np.empty((end - begin, 3))
+            notes = np.empty(end - begin, NOTE)
             for a, b in ((begin, last), (last, end)):
                 part = inputs.part(slice(a, b))
                 place = slice(a - begin, b - begin)
-                notes[place] = kalman._run(part, kept.part(place))[1]
+                notes[place] = kalman._run(part, kept[place])[1]
                 if b == last:
-                    at_last = tuple(x.copy() for x in kalman._state)
-            window = kept.part(slice(0, end - begin)).arrays
-            smoother_kernel.smooth_frames(
-                kalman._state, information.address, 0, last - begin, notes, window, out[begin:last]
+                    at_last = kalman._state.copy()
+            smoother.smooth_frames(
+                *kalman.with_model, 0, last - begin, notes, kept[: end - begin], out[begin:last]
             )
-            known[begin:last] = notes[: last - begin, kernels.KIND] != kernels.NOTHING
+            known[begin:last] = notes["kind"][: last - begin] != NOTHING
             kalman._state = at_last
         return out, known
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.fitting import frames as rows
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import matrix_to_quaternion, matrix_to_vector, vector_to_matrix
 from handtrack.hand.skeleton import N_ANGLES
+from handtrack.kernels import frame_loop as rows
 from handtrack.tracking.kalman import Frames, Steadied
 from handtrack.tracking.process_noise import N_POSE
 

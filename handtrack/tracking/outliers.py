@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.fitting import bcd, frames
+from handtrack.fitting import fit
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS
+from handtrack.kernels import frame_loop as frames
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -33,12 +34,12 @@ class Fitted(NamedTuple):
     Attributes:
         results: of the one frame.
         w: (21,) weights used.
-        keep: what is kept after it (see `frames.fit_frames`).
+        keep: what is kept after it (see `frame_loop.fit_frames`).
         rejected: (21,) joints that were seen and not used.
         reason: which, and why.
     """
 
-    results: bcd.Results
+    results: fit.Results
     w: Array
     keep: Array
     rejected: Mask = NONE
@@ -68,13 +69,13 @@ class Fitted(NamedTuple):
 class Weeder:
     """Fits single frames."""
 
-    def __init__(self, program: bcd.Program, model: HandModel, min_joints: int):
+    def __init__(self, program: fit.Program, model: HandModel, min_joints: int):
         """As `Results.run` has them."""
         self._program, self._model, self._min_joints = program, model, min_joints
 
     def fit(self, observed: Array, w: Array, keep: Array) -> Fitted:
         """The plain fit of a frame (21, 3), (21,), after what is kept."""
-        results, kept = bcd.Results(1, full=False), keep.copy()
+        results, kept = fit.Results(1, full=False), keep.copy()
         targets, weights = observed[None].copy(), w[None].copy()
         start, least = self._model.mean_angles, self._min_joints
         results.run(self._program, self._model, targets, weights, kept, start, least)
@@ -150,4 +151,4 @@ def noise_of(objective: float, seen: float) -> float:
 
     Few joints do not have 26 unknowns to explain them away: each leaves one at least.
     """
-    return math.sqrt(objective / max(3.0 * seen - bcd.N_POSE, seen))
+    return math.sqrt(objective / max(3.0 * seen - fit.N_POSE, seen))

@@ -15,9 +15,10 @@ from handtrack import __version__
 from handtrack.calibration.calibrate import calibrate as calibrate_hand
 from handtrack.calibration.explain import doubt, explain
 from handtrack.errors import InputError, SettingsError
-from handtrack.fitting import bcd, lanes
+from handtrack.fitting import fit
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_JOINTS
+from handtrack.kernels import workspace
 from handtrack.sequences.sequence import Remark, Sequence
 from handtrack.tracking.filter_settings import LAG, FilterSettings
 from handtrack.tracking.filters import make_filter
@@ -77,7 +78,7 @@ class Tracker:
         self,
         model: HandModel,
         filter: str = "none",
-        update: bcd.Update = "exact",
+        update: fit.Update = "exact",
         min_joints: int = MIN_JOINTS,
         coast_s: float = COAST_S,
         process_noise: float | Literal["auto"] = "auto",
@@ -86,8 +87,8 @@ class Tracker:
         noise_mm: float | None = None,
         engine: str = "compiled",
         gate: bool = True,
-        robust: bcd.Robust = "none",
-        spread_mm: float = bcd.SPREAD_MM,
+        robust: fit.Robust = "none",
+        spread_mm: float = fit.SPREAD_MM,
         collisions: bool = False,
     ):
         """Args:
@@ -126,14 +127,14 @@ class Tracker:
             "spread_mm": spread_mm,
             "collisions": collisions,
         }
-        self._program = bcd.Program(
+        self._program = fit.Program(
             update, "newton", robust, spread_mm, noise_mm=noise_mm, collisions=collisions
         )
         self._gate = Gate(self._program, model, min_joints, coast_s) if gate else None
         self._filter = make_filter(steady, model, coast_s)
         self._coast_ns = int(coast_s * 1e9)
         self._waits = filter in ("fixed-lag", "rts")
-        self._waiting: deque[tuple[int, Array, Array, bcd.Results, int, Verdict]] = deque()
+        self._waiting: deque[tuple[int, Array, Array, fit.Results, int, Verdict]] = deque()
         self.reset()
 
     def reset(self) -> None:
@@ -143,7 +144,7 @@ class Tracker:
         if self._gate is not None:
             self._gate.reset()
         self._waiting.clear()
-        self._keep = bcd.start_at(self.model)
+        self._keep = fit.start_at(self.model)
         self._time_ns: int | None = None
         self._fitted_ns: int | None = None
 
@@ -181,7 +182,7 @@ class Tracker:
             The frames that are final now, in order: this one; or an earlier one, or none yet,
             where the filter waits.
         """
-        observed, w = bcd.observations(joints, confidence)
+        observed, w = fit.observations(joints, confidence)
         return self._advance((int(time_ns),), observed, w)
 
     def finish(self) -> list[TrackedFrame]:
@@ -212,8 +213,8 @@ class Tracker:
                 return before + self._advance(times_ns[t:], observed[t:], w[t:])
         if self._time_ns is not None and times_ns[0] - self._time_ns > self._coast_ns:
             # as after frames that were lost: the last pose is one start of two
-            bcd.forget(self._keep)
-        results = bcd.Results(len(times_ns), full=False)
+            fit.forget(self._keep)
+        results = fit.Results(len(times_ns), full=False)
         model, least = self.model, self.settings["min_joints"]
         given, verdicts = w, [PLAIN] * len(times_ns)
         if self._gate is None:
@@ -253,7 +254,7 @@ class Tracker:
         time_ns: int,
         observed: Array,
         w: Array,
-        results: bcd.Results,
+        results: fit.Results,
         t: int,
         verdict: Verdict,
         filtered: Array | None,
@@ -262,12 +263,12 @@ class Tracker:
         row = results.row(t)
         fitted = not math.isnan(row.objective)
         reason = ""
-        if row.state == lanes.TOO_FEW:
+        if row.state == workspace.TOO_FEW:
             reason = f"{row.seen} of 21 joints observed, {self.settings['min_joints']} needed"
-        elif row.state == lanes.UNDERDETERMINED:
+        elif row.state == workspace.UNDERDETERMINED:
             reason = "the observed joints lie on a line"
-        elif row.state not in (lanes.CONVERGED, REJECTED):
-            reason = bcd.STATUS[row.state]
+        elif row.state not in (workspace.CONVERGED, REJECTED):
+            reason = fit.STATUS[row.state]
         reason = "; ".join(filter(None, (verdict.reason, reason)))
         restart = verdict.restart
         if fitted:
@@ -277,7 +278,7 @@ class Tracker:
                 reason = "; ".join(filter(None, (found, reason)))
             self._fitted_ns = time_ns
         steady = results.rows[t] if filtered is None else filtered
-        angles, quaternion, translation, joints = bcd.pose_of(steady)
+        angles, quaternion, translation, joints = fit.pose_of(steady)
         return TrackedFrame(
             time_ns=time_ns,
             observed=observed,
@@ -305,7 +306,7 @@ def track(
     model: HandModel | None = None,
     calibrate: bool | str = True,
     filter: str = "none",
-    update: bcd.Update = "exact",
+    update: fit.Update = "exact",
     min_joints: int = MIN_JOINTS,
     coast_s: float = COAST_S,
     process_noise: float | Literal["auto"] = "auto",
@@ -314,8 +315,8 @@ def track(
     noise_mm: float | None = None,
     engine: str = "compiled",
     gate: bool = True,
-    robust: bcd.Robust = "none",
-    spread_mm: float = bcd.SPREAD_MM,
+    robust: fit.Robust = "none",
+    spread_mm: float = fit.SPREAD_MM,
     collisions: bool = False,
     progress: Callable[[int], None] | None = None,
     on_part: Callable[[Track], None] | None = None,

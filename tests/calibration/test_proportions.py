@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from handtrack.calibration.calibrate import calibrate as calibrate_by
 from handtrack.calibration.noise import noise_level
 from handtrack.errors import InputError
-from handtrack.fitting.bcd import fit
+from handtrack.fitting.fit import fit
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import BASES, HANDS, JOINT_NAMES, PALM
 from handtrack.sequences.sequence import Sequence

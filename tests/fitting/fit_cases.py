@@ -1,8 +1,7 @@
 """Poses, objectives and derivatives for the tests of the fitter, written apart from it.
 
 Forward kinematics are a product of exponentials in NumPy and SciPy: from the tip inwards every
-angle turns what lies beyond its joint about its axis at rest. Compiled wrappers of the parts
-under test are made once, here.
+angle turns what lies beyond its joint about its axis at rest.
 """
 
 from __future__ import annotations
@@ -10,11 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy.spatial.transform import Rotation
 
-from handtrack.fitting import arrowhead, descent, fingers, lanes, li2021
-from handtrack.fitting import procrustes as kabsch
 from handtrack.hand.limits import Limits
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import ANGLE_JOINT
@@ -117,135 +113,3 @@ def objective(model: HandModel, fit, joints: Array, weights: Array | None = None
     d2 = np.square(placed - joints).sum(-1)
     w = np.ones(21) if weights is None else weights
     return float((w * d2)[np.isfinite(d2) & (w > 0)].sum())
-
-
-# ---- the compiled parts ----
-
-
-@njit
-def load(s, rest, axes, lower, upper, twist, targets, weights, angles, root):
-    lanes.load_model(s, rest, axes, lower, upper, twist)
-    lanes.load_frame(s, targets, weights, 1.0)
-    lanes.load_pose(s, angles, root)
-
-
-@njit
-def place(s):
-    return lanes.place(s)
-
-
-@njit
-def derive(s, second):
-    value = lanes.place(s)
-    lanes.differentiate(s, second)
-    arrowhead.root_hessian(s)
-    return value
-
-
-@njit
-def solve_finger(s, f):
-    fingers.solve_finger(s, f)
-
-
-@njit
-def procrustes(m):
-    return kabsch.procrustes(m)
-
-
-@njit
-def hinge_exact(n, w, t, a, lower, upper, current):
-    return descent.hinge_exact(n, w, t, a, lower, upper, current)
-
-
-@njit
-def saddle_exact(nz, ny, w, t, a, z, y, limits):
-    return descent.saddle_exact(nz, ny, w, t, a, z, y, limits)
-
-
-@njit
-def saddle_li2021(nz, ny, w, t, a, z, y, limits):
-    return li2021.saddle_li2021(nz, ny, w, t, a, z, y, limits)
-
-
-@njit
-def hinge_li2021(n, w, t, a, lower, upper, current):
-    return li2021.hinge_li2021(n, w, t, a, lower, upper, current)
-
-
-@njit
-def euler_zy(r, nz, ny):
-    return li2021.euler_zy(r, nz, ny)
-
-
-_exact_pass = descent.finger_pass(descent.saddle_exact, descent.hinge_exact)
-_paper_pass = descent.finger_pass(li2021.saddle_li2021, li2021.hinge_li2021)
-
-
-@njit
-def update_root(s):
-    lanes.place(s)
-    descent.update_root(s)
-
-
-@njit
-def update_finger(s, f):
-    lanes.place(s)
-    _exact_pass(s, f)
-
-
-@njit
-def update_finger_li2021(s, f):
-    lanes.place(s)
-    _paper_pass(s, f)
-
-
-def vector(x) -> tuple[float, float, float]:
-    return (float(x[0]), float(x[1]), float(x[2]))
-
-
-def rows(m) -> tuple:
-    return tuple(vector(row) for row in m)
-
-
-def loaded(model: HandModel, joints, weights, angles, rotation, translation, twist=0.0) -> Array:
-    """A buffer with model, frame and pose in it."""
-    s = np.zeros(lanes.SIZE)
-    root = np.concatenate([np.ravel(rotation), translation])
-    weights = np.where(np.isnan(joints).any(-1), 0.0, weights)
-    load(
-        s,
-        np.array(model.rest_joints),
-        np.array(model.axes),
-        np.array(model.limits.lower),
-        np.array(model.limits.upper),
-        twist,
-        np.nan_to_num(joints),
-        weights,
-        np.array(angles),
-        root,
-    )
-    return s
-
-
-def derivatives(s: Array, second: float) -> tuple[float, Array, Array]:
-    """Half the objective, its gradient (26,) and Hessian (26, 26) from the buffer."""
-    value = derive(s, second) / 2
-    lane = lanes.LANES
-    g, h = np.zeros(N_POSE), np.zeros((N_POSE, N_POSE))
-    rows_of = (lanes.ROW_Z, lanes.ROW_Y, lanes.ROW_2, lanes.ROW_3)
-    upper = (
-        (lanes.H_ZZ, lanes.H_ZY, lanes.H_Z2, lanes.H_Z3),
-        (lanes.H_YY, lanes.H_Y2, lanes.H_Y3),
-        (lanes.H_22, lanes.H_23),
-        (lanes.H_33,),
-    )
-    for f in range(5):
-        for i, row in enumerate(rows_of):
-            k = 4 * f + i
-            g[k] = s[row + lanes.G + f]
-            h[k, 20:] = h[20:, k] = s[row + lane * np.arange(6) + f]
-            for j, slot in enumerate(upper[i]):
-                h[k, k + j] = h[k + j, k] = s[slot + f]
-    system = s[lanes.SYSTEM : lanes.SYSTEM + 6 * lane].reshape(6, lane)
-    h[20:, 20:], g[20:] = system[:, :6], system[:, 6]
-    return value, g, h

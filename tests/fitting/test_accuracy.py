@@ -16,7 +16,7 @@ from fit_cases import (
 )
 from scipy.optimize import minimize
 
-from handtrack.fitting.bcd import fit
+from handtrack.fitting.fit import fit
 from handtrack.hand.limits import PRESETS
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import HANDS

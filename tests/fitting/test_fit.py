@@ -10,7 +10,7 @@ import pytest
 from fit_cases import distances, objective, some_poses
 from scipy.spatial.transform import Rotation
 
-from handtrack.fitting.bcd import Fit, fit
+from handtrack.fitting.fit import Fit, fit
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import HANDS
 

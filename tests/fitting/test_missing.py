@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from handtrack.errors import InputError
-from handtrack.fitting.bcd import fit
+from handtrack.fitting.fit import fit
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import BASES, HANDS, TIPS
 

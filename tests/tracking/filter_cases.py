@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import handtrack as ht
-from handtrack.fitting import bcd
+from handtrack.fitting import fit
 from handtrack.hand.rotations import about_axis
 from handtrack.tracking.kalman import Frames
 
@@ -46,9 +46,9 @@ def frames_of(
     """Frames with their raw fits."""
     joints = joints.copy()
     w = np.ones(joints.shape[:2]) if weights is None else weights.copy()
-    results = bcd.Results(len(joints), full=False)
-    start = bcd.start_at(model)
-    results.run(bcd.Program(), model, joints, w, start, model.mean_angles, 6)
+    results = fit.Results(len(joints), full=False)
+    start = fit.start_at(model)
+    results.run(fit.Program(), model, joints, w, start, model.mean_angles, 6)
     return Frames(times_ns, joints, w, results.rows)
 
 

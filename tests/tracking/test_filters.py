@@ -7,9 +7,9 @@ import pytest
 from filter_cases import FRAME_NS, MODEL, frames_of, hard_frames, moving
 
 import handtrack as ht
-from handtrack.fitting import frames as rows
 from handtrack.hand.limits import preset
 from handtrack.hand.rotations import about_axis, matrix_to_vector, vector_to_matrix
+from handtrack.kernels import frame_loop as rows
 from handtrack.tracking import kalman
 from handtrack.tracking.filter_settings import FILTERS, FilterSettings
 from handtrack.tracking.filters import make_filter

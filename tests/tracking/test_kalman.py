@@ -7,13 +7,16 @@ import pytest
 from filter_cases import MODEL, frames_of, hard_frames, moving
 from scipy.linalg import expm
 
-from handtrack.fitting import frames as rows
 from handtrack.hand.rotations import matrix_to_vector, vector_to_matrix
-from handtrack.tracking import kalman_kernel as kernels
-from handtrack.tracking import process_kernel, process_noise, smoother_kernel
+from handtrack.kernels import evidence as motion
+from handtrack.kernels import filter_loop as kernels
+from handtrack.kernels import frame_loop as rows
+from handtrack.kernels import motion_noise
+from handtrack.kernels.filter_state import BEGUN, KEPT, NOTE, PREDICTED, UPDATED
+from handtrack.tracking import process_noise
 from handtrack.tracking.filter_settings import FilterSettings
 from handtrack.tracking.filters import make_filter
-from handtrack.tracking.kalman import KalmanFilter, Kept
+from handtrack.tracking.kalman import KalmanFilter
 from handtrack.tracking.reference import FilterPyFilter
 
 N = 26
@@ -31,21 +34,22 @@ def test_compiled_equals_filterpy(couple, process_noise):
     frames = hard_frames()
     n = len(frames.raw)
     ours, theirs = kalman(**settings), kalman(FilterPyFilter, **settings)
-    kept = Kept(n), Kept(n)
+    kept = np.zeros(n, KEPT), np.zeros(n, KEPT)
     (a, notes_a), (b, notes_b) = ours._run(frames, kept[0]), theirs._run(frames, kept[1])
-    assert set(notes_a[:, kernels.KIND]) == {kernels.BEGUN, kernels.UPDATED, kernels.PREDICTED}
-    np.testing.assert_array_equal(notes_a[:, kernels.KIND], notes_b[:, kernels.KIND])
+    assert set(notes_a["kind"]) == {BEGUN, UPDATED, PREDICTED}
+    np.testing.assert_array_equal(notes_a["kind"], notes_b["kind"])
     pose = slice(0, rows.OUT_OBJECTIVE)
     np.testing.assert_allclose(a[:, pose], b[:, pose], atol=1e-9, rtol=0)
     x, y = ours._state[0], theirs._state[0]
-    np.testing.assert_allclose(x[:58], y[:58], atol=1e-9, rtol=0)
-    p, q = ours._state[2][:3], theirs._state[2][:3]
-    scale = np.sqrt(np.abs(np.diagonal(q, axis1=1, axis2=2)).max(1))
-    np.testing.assert_allclose(p[0], q[0], atol=1e-9 * scale[0] ** 2, rtol=0)
-    np.testing.assert_allclose(p[2], q[2], atol=1e-9 * scale[2] ** 2, rtol=0)
-    prior = kept[0].arrays[2], kept[1].arrays[2]
-    np.testing.assert_allclose(*prior, atol=1e-9 * np.abs(prior[1]).max(), rtol=0)
-    np.testing.assert_allclose(notes_a[:, 1], notes_b[:, 1], rtol=1e-6, atol=1e-4)
+    for name in ("angles", "rotation", "translation", "velocity"):
+        np.testing.assert_allclose(x[name], y[name], atol=1e-9, rtol=0)
+    for name in ("pose_pose", "speed_speed"):
+        largest = np.abs(np.diagonal(y[name])).max()
+        np.testing.assert_allclose(x[name], y[name], atol=1e-9 * largest, rtol=0)
+    for name in ("pose_pose", "pose_speed", "information", "pull"):
+        a, b = kept[0][name], kept[1][name]
+        np.testing.assert_allclose(a, b, atol=1e-7 * np.abs(b).max(), rtol=0)
+    np.testing.assert_allclose(notes_a["likelihood"], notes_b["likelihood"], rtol=1e-6, atol=1e-4)
 
 
 @pytest.mark.parametrize("name", ["kalman", "fixed-lag", "rts"])
@@ -70,17 +74,18 @@ def test_the_smoother_is_rauch_tung_and_striebels():
     frames = frames_of(times_ns, joints)
     n = len(joints)
     settings = {"couple": False, "process_noise": 1.0, "noise_mm": 5.0}
-    causal, kept = kalman(**settings), Kept(n)
+    causal, kept = kalman(**settings), np.zeros(n, KEPT)
     states, before = [], []
     for t in range(n):
-        part = kept.part(slice(t, t + 1))
-        causal._run(frames.part(slice(t, t + 1)), part)
-        x, p = causal._state[0], causal._state[2]
-        states.append((x[:58].copy(), np.block([[p[0], p[1]], [p[1].T, p[2]]])))
-        before.append(part.arrays[1][0].copy())
-    f01, f11 = kept.arrays[0][1, 0], kept.arrays[0][1, 1]
+        causal._run(frames.part(slice(t, t + 1)), kept[t : t + 1])
+        x = causal._state[0]
+        cross = x["pose_speed"]
+        p = np.block([[x["pose_pose"], cross], [cross.T, x["speed_speed"]]])
+        states.append((np.append(pose_in(x), x["velocity"]), p))
+        before.append(pose_in(kept[t]))
+    f01, f11 = kept[1]["f01"], kept[1]["f11"]
     f = np.block([[np.eye(N), np.diag(f01)], [np.zeros((N, N)), np.diag(f11)]])
-    q = [np.diag(process_noise.DENSITY * kept.arrays[0][1, i]) for i in (2, 3, 4)]
+    q = [np.diag(process_noise.DENSITY * kept[1][name]) for name in ("q00", "q01", "q11")]
     q = np.block([[q[0], q[1]], [q[1], q[2]]])
     expected = [states[-1][0]]
     for t in range(n - 2, -1, -1):
@@ -103,6 +108,11 @@ def test_the_smoother_is_rauch_tung_and_striebels():
     np.testing.assert_allclose(out[:, :32], np.array(expected)[:, :32], atol=1e-10, rtol=0)
 
 
+def pose_in(record: np.void) -> np.ndarray:
+    """(32,) angles, rotation by rows, translation."""
+    return np.concatenate([record["angles"], record["rotation"].ravel(), record["translation"]])
+
+
 def between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(26,) from pose a (32,) to pose b."""
     turn = matrix_to_vector(b[20:29].reshape(3, 3) @ a[20:29].reshape(3, 3).T)
@@ -119,7 +129,7 @@ def test_transition_and_noise_are_the_integrals(g):
     e = expm(big)
     f = e[2:, 2:].T
     q = f @ e[:2, 2:]
-    found = process_kernel.unit_process.py_func(decay, dt)
+    found = motion_noise.unit_process.py_func(decay, dt)
     expected = (f[0, 1], f[1, 1], q[0, 0], q[0, 1], q[1, 1])
     np.testing.assert_allclose(found, expected, rtol=1e-7)
 
@@ -133,16 +143,16 @@ def test_evidence_is_the_slope_of_the_likelihood(couple):
     filter_ = kalman(couple=couple, process_noise=1.0, noise_mm=0.3)
     density = process_noise.DENSITY * np.linspace(0.3, 3.0, N)
 
-    def likelihood(density: np.ndarray, kept: Kept | None = None) -> tuple[float, np.ndarray]:
+    def likelihood(density: np.ndarray, kept: np.ndarray | None = None) -> tuple[float, np.ndarray]:
         filter_.reset()
         filter_._process = process_noise.process(density)
         notes = filter_._run(frames, kept)[1]
-        return notes[:, kernels.LIKELIHOOD].sum(), notes
+        return notes["likelihood"].sum(), notes
 
-    kept, evidence = Kept(50), np.zeros((2, N))
+    kept, evidence = np.zeros(50, KEPT), np.zeros((2, N))
     _, notes = likelihood(density, kept)
-    work = np.zeros((8, N, N))
-    smoother_kernel.motion_evidence(notes, kept.arrays, work, evidence)
+    work = np.zeros((motion.MATRICES, N, N))
+    motion.motion_evidence(notes, kept, work, evidence)
     slope = 0.5 * density * (evidence[0] - evidence[1])
     for i in (0, 5, 11, 19, 20, 22, 24):
         more, less = density.copy(), density.copy()
@@ -160,25 +170,24 @@ def test_coupled_poses_minimise_prior_and_joints_under_the_limits():
     frames = frames_of(times_ns, noisy)
     filter_ = kalman(FilterPyFilter, process_noise=1.0)
     filter_._run(frames.part(slice(0, 29)), None)
-    x, _, p = filter_._state[:3]
+    x = filter_._state[0]
     given = frames.part(slice(29, 30))
-    shown = (given.joints[0], given.weights[0], given.raw[0], np.zeros(3))
-    with_model = (filter_._state, filter_solver(), filter_._settings)
-    motion = (filter_._process, filter_._grid)
-    assert kernels.before_frame(*with_model, *motion, given.times_ns[0], *shown)
-    prior = x[:32].copy()
+    shown = (given.joints[0], given.weights[0], given.raw[0], np.zeros(1, NOTE))
+    with_model = (filter_._state, *filter_.with_model)
+    motion_now = (filter_._process, filter_._grid)
+    assert kernels.before_frame(*with_model, motion_now, given.times_ns[0], *shown)
     # a prior that pulls some angles out of their limits
-    prior[[2, 7, 11]] += 4.0
-    x[:32] = prior
+    x["angles"][[2, 7, 11]] += 4.0
+    prior = pose_in(x)
     assert kernels.measure(*with_model, *shown)
-    precision, noise = p[kernels.LAMBDA].copy(), x[process_kernel.NOISE]
+    precision, noise = x["precision"].copy(), x["noise"]
 
     def objective(pose: np.ndarray) -> float:
         d = between(prior, pose)
         out = MODEL.joints(pose[:20], pose[20:29].reshape(3, 3), pose[29:32])
         return 0.5 * (d @ precision @ d + np.square(out - noisy[29]).sum() / noise)
 
-    best = np.concatenate([filter_._state[6], filter_._state[7]])
+    best = np.concatenate([x["best_angles"], x["best_root"]])
     assert MODEL.limits.contains(best[:20])
     at_limit = np.isclose(best[:20], MODEL.limits.upper, atol=1e-9)
     assert at_limit.sum() >= 2
@@ -193,16 +202,10 @@ def test_coupled_poses_minimise_prior_and_joints_under_the_limits():
             assert objective(pose) > least - 1e-4
 
 
-def filter_solver() -> int:
-    from handtrack.fitting.information import information
-
-    return information.address
-
-
 def made_motion(density: np.ndarray, frames: int, rng: np.random.Generator) -> np.ndarray:
     """Joints of a hand that moves as the filter believes."""
     dt = 1 / 60
-    steps = [process_kernel.unit_process.py_func(process_noise.DECAY, dt)] * N
+    steps = [motion_noise.unit_process.py_func(process_noise.DECAY, dt)] * N
     x, v = np.zeros(N), np.zeros(N)
     middle = 0.5 * (MODEL.limits.lower + MODEL.limits.upper)
     middle[[0, 1, 4, 5, 8, 9, 12, 13, 16, 17]] = 0.0
@@ -231,7 +234,7 @@ def test_the_motions_noise_is_learnt():
     frames = frames_of(times_ns, joints)
     stream = kalman()
     stream._run(frames, None)
-    learnt = stream._state[5][0, process_kernel.LEARNT]
+    learnt = stream._state[0]["learnt"]
     ratio = np.log(learnt / density)
     assert np.abs(ratio).max() < np.log(5.0)
     assert abs(ratio.mean()) < np.log(1.6)

@@ -32,11 +32,12 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from handtrack.calibration.calibrate import calibrate
-from handtrack.fitting import bcd, frames
+from handtrack.fitting import fit
 from handtrack.fitting.batch import fit_batch
 from handtrack.hand.limits import DEFAULT_LIMITS, PRESETS
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import quaternion_to_matrix
+from handtrack.kernels import frame_loop as frames
 from handtrack.recording.tracks import write_mcap
 from handtrack.sequences.sequence import Sequence
 from handtrack.tracking.track import Track
@@ -76,18 +77,18 @@ def each(work: Callable[..., Any], cases: list[tuple[Any, ...]], rounds: int) ->
 
 
 def compiled(
-    program: bcd.Program, model: HandModel, joints: Array, start: bcd.Results | None, rounds: int
-) -> tuple[Array, bcd.Results]:
+    program: fit.Program, model: HandModel, joints: Array, start: fit.Results | None, rounds: int
+) -> tuple[Array, fit.Results]:
     """Times of frames in the compiled loop [s], without the call into it, and their fits.
 
     Args:
         start: frame t starts from pose t in here; every frame from the mean pose if left out.
     """
     n = len(joints)
-    results = bcd.Results(n, full=False)
-    hand = bcd.constants(model), program.contacts(model)
+    results = fit.Results(n, full=False)
+    hand = fit.constants(model), program.contacts(model)
     given = (*hand, program.solvers, (*program.settings, 1, 0), model.mean_angles)
-    keep = bcd.start_at(model)
+    keep = fit.start_at(model)
     times = np.empty((2, rounds, n))
     for r in range(rounds):
         for t in range(n):
@@ -129,7 +130,7 @@ def scipy_fit(model: HandModel, joints: Array, angles: Array, root: Array) -> tu
 
     first = np.concatenate([np.clip(angles, low, high), np.zeros(6)])
     bounds = (np.concatenate([low, -free]), np.concatenate([high, free]))
-    found = least_squares(residuals, first, jacobian, bounds, "trf", ftol=bcd.TOLERANCE)
+    found = least_squares(residuals, first, jacobian, bounds, "trf", ftol=fit.TOLERANCE)
     return found.x[:20], 2e-6 * float(found.cost)
 
 
@@ -147,12 +148,12 @@ def fit_part(quick: bool, limits: str) -> dict[str, Rows]:
     model = calibrate(HandModel.default(limits=limits), sequence).model
     chosen = np.linspace(1, len(sequence) - 1, 10 if quick else 30).astype(int)
     n, joints = len(chosen), np.array(sequence.joints[chosen])
-    before = fitted(bcd.Program(), model, np.array(sequence.joints[chosen - 1]), True, full=True)
+    before = fitted(fit.Program(), model, np.array(sequence.joints[chosen - 1]), True, full=True)
     programs = {
-        OURS: bcd.Program(),
-        "plain BCD, exact": bcd.Program(method="bcd"),
-        "plain BCD, exact, to 1e-9": bcd.Program(method="bcd", tolerance=1e-9, max_sweeps=10000),
-        "li2021 update": bcd.Program("li2021"),
+        OURS: fit.Program(),
+        "plain BCD, exact": fit.Program(method="bcd"),
+        "plain BCD, exact, to 1e-9": fit.Program(method="bcd", tolerance=1e-9, max_sweeps=10000),
+        "li2021 update": fit.Program("li2021"),
     }
     others = {f"{name}, box for ellipses": make(model) for name, make in peers().items()}
     rows: Rows = []
@@ -162,7 +163,7 @@ def fit_part(quick: bool, limits: str) -> dict[str, Rows]:
             seconds, fits = compiled(program, model, joints, start, 200 if name == OURS else 5)
             found[name] = seconds, fits.objective, fits.angles
         first = [(model, y, start and start.fit(t)) for t, y in enumerate(joints)]
-        found["ours: fit() from Python"] = each(bcd.fit, first, 20), *found[OURS][1:]
+        found["ours: fit() from Python"] = each(fit.fit, first, 20), *found[OURS][1:]
         poses = [(model, y, *mean_pose(model, y)) for y in joints]
         if start is not None:
             poses = [(model, y, start.angles[t], start.roots[t]) for t, y in enumerate(joints)]
@@ -188,7 +189,7 @@ def fit_part(quick: bool, limits: str) -> dict[str, Rows]:
 
 def motion_part(quick: bool, limits: str) -> dict[str, Rows]:
     """Time per frame: a 30 fps motion frame after frame, and unrelated poses."""
-    program, default = bcd.Program(), HandModel.default(limits=limits)
+    program, default = fit.Program(), HandModel.default(limits=limits)
     rounds, moving, cold = 3 if quick else 7, [], []
     for sigma in MOTION_NOISE_MM:
         sequence = noisy_motion(150 if quick else 900, sigma)
@@ -206,7 +207,7 @@ def motion_part(quick: bool, limits: str) -> dict[str, Rows]:
         joints = noisy_poses(default, 100 if quick else 400, sigma)
         us = 1e6 * compiled(program, default, joints, None, rounds)[0]
         row = {"noise mm": sigma, "median us": np.median(us), "p99 us": np.percentile(us, 99)}
-        call = each(bcd.fit, [(default, y) for y in joints], 3)
+        call = each(fit.fit, [(default, y) for y in joints], 3)
         row |= {"fit() median us": 1e6 * np.median(call)}
         many = np.tile(joints, (10, 1, 1))
         for k in (1, 2):
@@ -219,10 +220,10 @@ def motion_part(quick: bool, limits: str) -> dict[str, Rows]:
 def quality_part(quick: bool, limits: str) -> dict[str, Rows]:
     """How often a cold fit finds what the best of the mean pose and 20 random starts finds."""
     model, rng, rows = HandModel.default(limits=limits), np.random.default_rng(3), []
-    n, group, tight = 200 if quick else 2000, 40, bcd.Program(tolerance=1e-10)
+    n, group, tight = 200 if quick else 2000, 40, fit.Program(tolerance=1e-10)
     for sigma in POSE_NOISE_MM:
         joints = noisy_poses(model, n, sigma)
-        ours = fitted(bcd.Program(), model, joints, True).objective
+        ours = fitted(fit.Program(), model, joints, True).objective
         oracle = np.empty((ORACLE_STARTS + 1, n))
         oracle[0] = fitted(tight, model, joints, True).objective
         for part in (slice(i, i + group) for i in range(0, n, group)):
@@ -365,7 +366,7 @@ def main(arguments: list[str] | None = None) -> None:
     console, head = Console(width=None if sys.stdout.isatty() else 130), machine()
     console.print(f"{head['cpu']}, {head['cores']} cores, load {head['load']}, {options.limits}")
     console.print(", ".join(f"{name} {number}" for name, number in head["versions"].items()))
-    bcd.warm_up()
+    fit.warm_up()
     parts = {}
     for name in options.only or PARTS:
         parts[name] = PARTS[name](options.quick, options.limits)

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError, SettingsError
 from handtrack.fitting import free_pose
-from handtrack.fitting.bcd import N_POSE, Fit
+from handtrack.fitting.fit import N_POSE, Fit
 from handtrack.fitting.free_pose import FreeFit
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import matrix_to_vector, vector_to_matrix

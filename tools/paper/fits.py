@@ -13,7 +13,7 @@ from rich.table import Table
 import handtrack as ht
 from handtrack.evaluation import metrics
 from handtrack.fitting.batch import BatchFit, fit_batch
-from handtrack.fitting.bcd import UPDATES
+from handtrack.fitting.fit import UPDATES
 from handtrack.fitting.free_pose import FreeFit
 from handtrack.hand.model import HandModel
 from tools.paper import baselines

@@ -1,0 +1,163 @@
+"""How well a fitted pose is known: its covariance from the Gauss-Newton Hessian.
+
+(27) The inverse of the arrowhead is a sum of outer products: every unknown has six numbers from
+the root (`shared`), and an angle four more from its own finger (`own`).
+"""
+
+from __future__ import annotations
+
+import math
+
+from handtrack.kernels.arrowhead import (
+    LEAST,
+    answer,
+    eliminate_fingers,
+    factor_faces,
+    lift_pivots,
+    root_hessian,
+)
+from handtrack.kernels.compiled import Solver, inline
+from handtrack.kernels.derivatives import differentiate
+from handtrack.kernels.faces import guess_faces
+from handtrack.kernels.objectives import place
+from handtrack.kernels.workspace import (
+    ABDUCTION,
+    ANGLES,
+    FINGERS,
+    FLEXION,
+    HINGE_1,
+    HINGE_2,
+    LANES,
+    N_ANGLES,
+    N_POSE,
+    ROOT,
+    SHIFT,
+)
+
+# variance at unit noise that stands for "not observed" [rad^2/m^2]
+_UNSEEN = 1e7
+
+
+@inline
+def factor_root(w):
+    """`system` into L L^T: L^T above the diagonal, on it the inverses of L's."""
+    for k in range(ROOT):
+        d = 1.0 / math.sqrt(max(w.system[k, k], 1e-9 * w.system[k, LEAST]))
+        w.system[k, k] = d
+        for i in range(k + 1, ROOT):
+            w.system[k, i] *= d
+        for i in range(k + 1, ROOT):
+            for j in range(i, ROOT):
+                w.system[i, j] -= w.system[k, i] * w.system[k, j]
+
+
+@inline
+def share_root(w):
+    """`shared`: what the root's six unknowns make of each unknown, through the root's L^-1.
+
+    An angle answers them by -H^-1 B; the root's own are turned into the world.
+    """
+    for i in range(ROOT):
+        for f in range(LANES):
+            v = (w.face_row[0, i, f], w.face_row[1, i, f], w.face_row[2, i, f], w.face_row[3, i, f])
+            w.line[0, f], w.line[1, f], w.line[2, f], w.line[3, f] = answer(w, v, f)
+        for f in range(FINGERS):
+            for a in range(ANGLES):
+                w.shared[i, 4 * f + a] = w.line[a, f]
+        for j in range(N_ANGLES, N_POSE):
+            w.shared[i, j] = 0.0
+    for i in range(3):
+        for j in range(3):
+            w.shared[j, N_ANGLES + i] = w.rotation[i, j]
+            w.shared[SHIFT + j, N_ANGLES + SHIFT + i] = w.rotation[i, j]
+    for i in range(ROOT):
+        for j in range(i):
+            v = w.system[j, i]
+            for k in range(N_POSE):
+                w.shared[i, k] -= v * w.shared[j, k]
+        v = w.system[i, i]
+        for k in range(N_POSE):
+            w.shared[i, k] *= v
+
+
+@inline
+def own_parts(w):
+    """`own`: the angles' unit vectors through each finger's L^-1, over the pivots' roots."""
+    for f in range(LANES):
+        c, n = w.normal[0, f], w.normal[1, f]
+        m0, m1, m2, m3 = w.free[0, f], w.free[1, f], w.free[2, f], w.free[3, f]
+        l10, l20, l30 = w.factor[1, 0, f], w.factor[2, 0, f], w.factor[3, 0, f]
+        l21, l31, l32 = w.factor[2, 1, f], w.factor[3, 1, f], w.factor[3, 2, f]
+        for a in range(ANGLES):
+            v0 = (c if a == FLEXION else (n if a == ABDUCTION else 0.0)) * m0
+            v1 = (-n if a == FLEXION else (c if a == ABDUCTION else 0.0)) * m1 - l10 * v0
+            v2 = (m2 if a == HINGE_1 else 0.0) - l20 * v0 - l21 * v1
+            v3 = (m3 if a == HINGE_2 else 0.0) - l30 * v0 - l31 * v1 - l32 * v2
+            w.own[a, 0, f], w.own[a, 1, f] = v0 * root(w, 0, f), v1 * root(w, 1, f)
+            w.own[a, 2, f], w.own[a, 3, f] = v2 * root(w, 2, f), v3 * root(w, 3, f)
+
+
+@inline
+def root(w, k, f):
+    return math.sqrt(w.pivot[k, f])
+
+
+@inline
+def find_variances(w):
+    """`variance`: the sums of squares of an angle's numbers; infinite where nothing sees it."""
+    for a in range(ANGLES):
+        for f in range(FINGERS):
+            v = 0.0
+            for i in range(ANGLES):
+                v += w.own[a, i, f] ** 2
+            for i in range(ROOT):
+                v += w.shared[i, 4 * f + a] ** 2
+            seen = w.diagonal[a, f] > 0.0 and v < _UNSEEN
+            w.variance[4 * f + a] = v if seen else math.inf
+
+
+@inline
+def multiply_out(w):
+    """`covariance`: the products of all unknowns' numbers, and the variances on the diagonal."""
+    for i in range(N_POSE):
+        x0, x1, x2 = w.shared[0, i], w.shared[1, i], w.shared[2, i]
+        x3, x4, x5 = w.shared[3, i], w.shared[4, i], w.shared[5, i]
+        for j in range(N_POSE):
+            v = x0 * w.shared[0, j] + x1 * w.shared[1, j] + x2 * w.shared[2, j]
+            v += x3 * w.shared[3, j] + x4 * w.shared[4, j] + x5 * w.shared[5, j]
+            w.covariance[i, j] = v
+    for f in range(FINGERS):
+        for a in range(ANGLES):
+            for b in range(ANGLES):
+                v = 0.0
+                for k in range(ANGLES):
+                    v += w.own[a, k, f] * w.own[b, k, f]
+                w.covariance[4 * f + a, 4 * f + b] += v
+    for i in range(N_ANGLES):
+        if w.variance[i] == math.inf:
+            for j in range(N_POSE):
+                w.covariance[i, j] = w.covariance[j, i] = 0.0
+        w.covariance[i, i] = w.variance[i]
+
+
+@Solver
+def unit_covariance(w):
+    """Covariance of the pose at unit noise, from Gauss-Newton's Hessian on the face.
+
+    Order: angles, a turn of the world on the left of the rotation, translation. What a limit
+    holds has no variance; what nothing observes has infinite variance and no covariance.
+    Places the pose in the workspace. Sets `variance`; and `covariance`, where `full` is not 0.
+    """
+    place(w)
+    differentiate(w, 0.0)
+    guess_faces(w)
+    lift_pivots(w, 1e-9)
+    factor_faces(w)
+    root_hessian(w)
+    eliminate_fingers(w)
+    factor_root(w)
+    share_root(w)
+    own_parts(w)
+    find_variances(w)
+    if w.full:
+        multiply_out(w)

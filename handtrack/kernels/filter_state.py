@@ -1,0 +1,159 @@
+"""What the Kalman filter of poses remembers, and what it leaves for a smoother.
+
+The state holds a pose, 26 numbers with a small turn of the world away from a reference that is
+moved along, so that there is no wrap-around; their velocities; and the covariance of both as
+three blocks of 26 x 26.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from handtrack.kernels.compiled import inline
+from handtrack.kernels.vectors import (
+    add,
+    column,
+    log_turn,
+    part,
+    put_column,
+    put_part,
+    put_row,
+    row,
+    sub,
+    turn_of,
+    turned,
+)
+from handtrack.kernels.workspace import N_ANGLES, N_POSE
+
+# filters of the bank that learns the motion's noise (see `motion_noise`)
+BANK = 7
+# what happened to a frame
+NOTHING, PREDICTED, UPDATED, BEGUN = range(4)
+
+_Fields = list[tuple[str, str, tuple[int, ...]]]
+_PAIR, _ROW, _BANK = (N_POSE, N_POSE), (N_POSE,), (BANK, N_POSE)
+_POSE: _Fields = [
+    ("angles", "f8", (N_ANGLES,)),
+    ("rotation", "f8", (3, 3)),
+    ("translation", "f8", (3,)),
+]
+_MOTION: _Fields = [
+    # transition of a number from its velocity and of the velocity; noise at unit density:
+    # variance, covariance with the velocity, variance of the velocity (see `unit_process`)
+    ("f01", "f8", _ROW),
+    ("f11", "f8", _ROW),
+    ("q00", "f8", _ROW),
+    ("q01", "f8", _ROW),
+    ("q11", "f8", _ROW),
+]
+_STATE: _Fields = [
+    *_POSE,
+    ("velocity", "f8", _ROW),
+    # the covariance's blocks: poses, poses with velocities, velocities
+    ("pose_pose", "f8", _PAIR),
+    ("pose_speed", "f8", _PAIR),
+    ("speed_speed", "f8", _PAIR),
+    # whether there is a state; the last frame's time, and the last fitted one's
+    ("known", "i8", ()),
+    ("time_ns", "i8", ()),
+    ("fitted_ns", "i8", ()),
+    # variance of the joints [m^2], of how many frames, what share of the past counts
+    ("noise", "f8", ()),
+    ("noise_count", "f8", ()),
+    ("fade", "f8", ()),
+    # the motion since the last frame, and the densities of its noise
+    *_MOTION,
+    ("density", "f8", _ROW),
+    # the bank: its filters' numbers, logarithms of their weights, and what all have learnt
+    ("bank_x", "f8", _BANK),
+    ("bank_v", "f8", _BANK),
+    ("bank_xx", "f8", _BANK),
+    ("bank_xv", "f8", _BANK),
+    ("bank_vv", "f8", _BANK),
+    ("bank_log", "f8", _BANK),
+    ("learnt", "f8", _ROW),
+    # a frame's measurement: whether there was one; the pose that it gives; its distance from the
+    # prediction, and that times the prediction's precision; its information
+    ("measured", "i8", ()),
+    ("best_angles", "f8", (N_ANGLES,)),
+    ("best_root", "f8", (12,)),
+    ("distance", "f8", _ROW),
+    ("pull", "f8", _ROW),
+    ("precision", "f8", _PAIR),
+    ("system", "f8", _PAIR),
+    # `factor` is the whole system's, with the logarithm of its determinant
+    ("ready", "i8", ()),
+    ("log_determinant", "f8", ()),
+    # variances before the update; innovations
+    ("before", "f8", _ROW),
+    ("innovation", "f8", _ROW),
+    # room for work
+    ("gradient", "f8", _ROW),
+    ("step", "f8", _ROW),
+    ("factor", "f8", _PAIR),
+    ("posterior", "f8", _PAIR),
+    ("work", "f8", _PAIR),
+    ("work_2", "f8", _PAIR),
+]
+_KEPT: _Fields = [
+    # of a frame: its motion, the predicted pose, blocks of the predicted covariance
+    *_MOTION,
+    *_POSE,
+    ("pose_pose", "f8", _PAIR),
+    ("pose_speed", "f8", _PAIR),
+    # H^T S^-1 H and H^T S^-1 z of its measurement
+    ("information", "f8", _PAIR),
+    ("pull", "f8", _ROW),
+]
+
+FILTER = np.dtype(_STATE, align=True)
+KEPT = np.dtype(_KEPT, align=True)
+"""What a smoother needs of a frame."""
+NOTE = np.dtype([("kind", "i8"), ("likelihood", "f8"), ("noise", "f8")], align=True)
+"""What happened to a frame, its log likelihood [nats], the joints' noise variance [m^2]."""
+
+
+@inline
+def turn_by(rotation, w):
+    """Turn a rotation (3, 3) by the vector w on the left, in place."""
+    turn = turn_of(w)
+    for j in range(3):
+        put_column(rotation, j, turned(turn, column(rotation, j)))
+
+
+@inline
+def move_pose(pose, d):
+    """Add d (26,) to a pose: angles, turn on the left, translation."""
+    for i in range(N_ANGLES):
+        pose.angles[i] += d[i]
+    turn_by(pose.rotation, part(d, N_ANGLES))
+    put_part(pose.translation, 0, add(part(pose.translation, 0), part(d, N_ANGLES + 3)))
+
+
+@inline
+def copy_pose(source, target):
+    for i in range(N_ANGLES):
+        target.angles[i] = source.angles[i]
+    for i in range(3):
+        put_row(target.rotation, i, row(source.rotation, i))
+        target.translation[i] = source.translation[i]
+
+
+@inline
+def set_pose(pose, angles, root):
+    """A pose from angles (20,) and root (12,)."""
+    for i in range(N_ANGLES):
+        pose.angles[i] = angles[i]
+    for i in range(3):
+        put_row(pose.rotation, i, part(root, 3 * i))
+        pose.translation[i] = root[9 + i]
+
+
+@inline
+def pose_less(w, pose, d):
+    """d (26,): how far the pose in the workspace is from another."""
+    for i in range(N_ANGLES):
+        d[i] = w.angle[i % 4, i // 4] - pose.angles[i]
+    put_part(d, N_ANGLES, log_turn(w.rotation, pose.rotation))
+    shift = sub(part(w.translation, 0), part(pose.translation, 0))
+    put_part(d, N_ANGLES + 3, shift)

@@ -1,0 +1,319 @@
+"""Frame after frame in compiled code: start, solve, report; one loop for one frame or many.
+
+`Tracker.step` and `track` both come here, the one with a single frame: their results are the
+same to the last bit.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from handtrack.kernels.compiled import call, inline, kernel
+from handtrack.kernels.exchange import (
+    load_frame,
+    load_model,
+    load_pose,
+    store_joints,
+    store_pose,
+)
+from handtrack.kernels.vectors import add, distance2, matrix, quaternion, row, scale, sub
+from handtrack.kernels.workspace import (
+    ANGLES,
+    CONVERGED,
+    FINGERS,
+    N_ANGLES,
+    N_POSE,
+    PAIR,
+    STALLED,
+    TOO_FEW,
+    UNDERDETERMINED,
+    WORK,
+)
+
+# joints nearer than this to one line leave the rotation about it open [m]
+LINE = 1e-4
+
+# a finger's other bend is tried in a cold start where alone it adds no more than this share
+MISBENT = 0.02
+# and must gain this share to be taken; next to nothing then, but after a fitted frame that one
+# is, under noise, the better guess
+COLD_GAIN, WARM_GAIN = 1e-9, 0.1
+
+# a frame's row of results: angles, rotation, translation, quaternion, joints, objective, noise
+# (variance per coordinate), joints seen, state, sweeps, steps, variances of the angles, the
+# greatest distance of a joint to its fitted one; 1 where what was before means nothing (which is
+# for others to say), else 0
+OUT_ANGLES, OUT_ROOT, OUT_SHIFT, OUT_QUATERNION, OUT_JOINTS, OUT_OBJECTIVE = 0, 20, 29, 32, 36, 99
+OUT_NOISE, OUT_SEEN, OUT_STATE, OUT_SWEEPS, OUT_STEPS, OUT_VARIANCE = range(100, 106)
+OUT_WORST = OUT_VARIANCE + 20
+OUT_ANEW = OUT_WORST + 1
+OUT_SIZE = OUT_ANEW + 1
+
+# what is kept from frame to frame: angles, root, and whether they mean anything
+KEEP_ROOT, MEMORY = N_ANGLES, 32
+KEEP_SIZE = 33
+NEW, LOST, FITTED = 0, 1, 2
+
+# what is wrong with a frame's input
+GOOD, INFINITE_JOINT, BAD_WEIGHT = range(3)
+
+
+@inline
+def on_a_line(targets, weights):
+    """Whether the weighted joints lie on one line, so that they do not fix a rotation."""
+    n = 0.0
+    mean = (0.0, 0.0, 0.0)
+    for k in range(21):
+        if weights[k] > 0.0:
+            mean = add(mean, row(targets, k))
+            n += 1.0
+    mean = scale(1.0 / n, mean)
+    # second and third invariants' bound on the middle eigenvalue of the scatter matrix
+    xx = yy = zz = xy = xz = yz = 0.0
+    for k in range(21):
+        if weights[k] > 0.0:
+            d = sub(row(targets, k), mean)
+            xx += d[0] * d[0]
+            yy += d[1] * d[1]
+            zz += d[2] * d[2]
+            xy += d[0] * d[1]
+            xz += d[0] * d[2]
+            yz += d[1] * d[2]
+    minors = xx * yy - xy * xy + xx * zz - xz * xz + yy * zz - yz * yz
+    return not minors > LINE * LINE * (xx + yy + zz)
+
+
+@inline
+def clean(targets, weights):
+    """Make joints with a NaN missing, with no weight; what is wrong with the frame otherwise."""
+    wrong = GOOD
+    for k in range(21):
+        if not 0.0 <= weights[k] < math.inf:
+            wrong = BAD_WEIGHT
+        x = row(targets, k)
+        if math.isinf(x[0]) or math.isinf(x[1]) or math.isinf(x[2]):
+            wrong = INFINITE_JOINT
+        elif math.isnan(x[0]) or math.isnan(x[1]) or math.isnan(x[2]):
+            targets[k, 0] = targets[k, 1] = targets[k, 2] = math.nan
+            weights[k] = 0.0
+    return wrong
+
+
+@inline
+def load_settings(w, model, contacts, settings, full):
+    """What holds for all frames: the hand, pairs that may meet, how a frame is solved."""
+    rest, axes, lower, upper, twist = model
+    load_model(w, rest, axes, lower, upper, twist)
+    w.contacts = len(contacts)
+    for i in range(len(contacts)):
+        for j in range(PAIR):
+            w.contact[i, j] = contacts[i, j]
+    w.max_steps, w.loss, w.spread2 = settings[2], settings[4], settings[5] * settings[5]
+    w.full = 1 if full else 0
+
+
+@inline
+def count_seen(weights):
+    """How many joints have a weight, and the greatest weight."""
+    seen, top = 0, 0.0
+    for k in range(21):
+        if weights[k] > 0.0:
+            seen += 1
+            top = max(top, weights[k])
+    return seen, top
+
+
+@inline
+def skip_frame(row, seen, state):
+    """The results of a frame that is not fitted."""
+    for i in range(OUT_VARIANCE):
+        row[i] = math.nan
+    for i in range(N_ANGLES):
+        row[OUT_VARIANCE + i] = math.inf
+    row[OUT_WORST] = math.nan
+    row[OUT_SEEN], row[OUT_STATE] = seen, state
+    row[OUT_SWEEPS] = row[OUT_STEPS] = row[OUT_ANEW] = 0.0
+
+
+@inline
+def solve(w, solvers, settings, cold):
+    """Sweeps and Newton steps from the pose in the workspace, a cold start or a warm one."""
+    descend, newton = solvers[0], solvers[1]
+    cold_sweeps, max_sweeps, tolerance = settings[0], settings[1], settings[3]
+    w.state = STALLED
+    w.cold = cold
+    sweeps = cold_sweeps if cold or newton == 0 else 0
+    for _ in range(4):
+        if sweeps > 0:
+            w.max_sweeps = sweeps if newton != 0 else max_sweeps
+            w.tolerance = 1e-12 if newton != 0 else tolerance
+            call(descend, w)
+        if newton != 0:
+            w.tolerance = tolerance
+            call(newton, w)
+        if w.state != STALLED:
+            break
+        # a stalled step is handed back to the sweeps
+        sweeps = 10
+
+
+@inline
+def solve_from_starts(w, solvers, settings, mean, keep, best_angles, best_root):
+    """The best pose from the last one and, where that is not the frame before's, from the mean.
+
+    Returns its objective and state.
+    """
+    angles, root = keep[:KEEP_ROOT], keep[KEEP_ROOT:MEMORY]
+    best, state = math.inf, STALLED
+    first = 0 if keep[MEMORY] > NEW else 1
+    for cold in range(first, 1 if keep[MEMORY] == FITTED else 2):
+        load_pose(w, mean if cold else angles, root)
+        solve(w, solvers, settings, cold)
+        if w.objective < best:
+            best, state = w.objective, w.state
+            store_pose(w, best_angles, best_root)
+    return best, state
+
+
+@inline
+def try_other_bends(w, solvers, warm, best, best_angles, best_root):
+    """The best objective after fingers that may be bent the wrong way are bent the other way."""
+    newton, bends = solvers[1], solvers[2]
+    load_pose(w, best_angles, best_root)
+    call(bends, w)
+    enough = best * (1.0 - (WARM_GAIN if warm else COLD_GAIN))
+    for f in range(FINGERS):
+        if w.rise[f] > (0.0 if warm else MISBENT * best):
+            continue
+        load_pose(w, best_angles, best_root)
+        for a in range(ANGLES):
+            w.angle[a, f] = w.trial[a, f]
+        call(newton, w)
+        if w.objective < enough and w.state == CONVERGED:
+            best = enough = w.objective
+            store_pose(w, best_angles, best_root)
+    return best
+
+
+@inline
+def greatest_distance(joints, targets, weights):
+    """Greatest distance of a seen joint to its fitted one."""
+    worst = 0.0
+    for k in range(21):
+        if weights[k] > 0.0:
+            worst = max(worst, distance2(row(joints, k), row(targets, k)))
+    return math.sqrt(worst)
+
+
+@inline
+def store_pose_row(w, angles, root, out):
+    """A pose's part of a row of results: angles, root, quaternion, joints."""
+    store_joints(w, out[OUT_JOINTS:OUT_OBJECTIVE].reshape(21, 3))
+    for i in range(N_ANGLES):
+        out[OUT_ANGLES + i] = angles[i]
+    for i in range(12):
+        out[OUT_ROOT + i] = root[i]
+    q = quaternion(matrix(w.rotation))
+    for i in range(4):
+        out[OUT_QUATERNION + i] = q[i]
+
+
+@inline
+def store_results(w, out, objective, top, known, seen, state):
+    """A fitted frame's numbers; those at unit weights are taken back to the frame's own."""
+    objective *= top
+    noise = known if known > 0.0 else objective / max(3 * seen - N_POSE, 1)
+    out[OUT_OBJECTIVE], out[OUT_NOISE] = objective, noise
+    out[OUT_SEEN], out[OUT_STATE] = seen, state
+    out[OUT_SWEEPS], out[OUT_STEPS] = w.sweeps, w.steps
+    for i in range(N_ANGLES):
+        v = w.variance[i]
+        out[OUT_VARIANCE + i] = v if math.isinf(v) else v / top * noise
+
+
+@inline
+def fit_in(
+    works, model, contacts, solvers, settings, mean, keep, targets, weights, out, out_covariance
+):
+    """`fit_frames`, in a workspace (1,) that the caller keeps alive: a record does not."""
+    apart, covariance, known = solvers[3], solvers[4], settings[6]
+    min_joints, alone = settings[7], settings[8]
+    for t in range(len(targets)):
+        wrong = clean(targets[t], weights[t])
+        if wrong != GOOD:
+            return wrong
+    w = works[0]
+    full = len(out_covariance) > 0
+    load_settings(w, model, contacts, settings, full)
+    angles, root = keep[:KEEP_ROOT], keep[KEEP_ROOT:MEMORY]
+    best_angles, best_root = np.empty(N_ANGLES), np.empty(12)
+    for t in range(len(targets)):
+        if alone:
+            keep[MEMORY] = NEW
+        seen, top = count_seen(weights[t])
+        line = seen < 3 or on_a_line(targets[t], weights[t])
+        if seen < min_joints or (line and min_joints > 1):
+            keep[MEMORY] = min(keep[MEMORY], LOST)
+            skip_frame(out[t], seen, TOO_FEW if seen < min_joints else UNDERDETERMINED)
+            continue
+        w.sweeps = w.steps = 0.0
+        out[t, OUT_ANEW] = 0.0
+        load_frame(w, targets[t], weights[t], top)
+        best, state = solve_from_starts(w, solvers, settings, mean, keep, best_angles, best_root)
+        if solvers[1] != 0 and solvers[2] != 0 and state == CONVERGED:
+            warm = keep[MEMORY] == FITTED
+            best = try_other_bends(w, solvers, warm, best, best_angles, best_root)
+        keep[MEMORY] = FITTED
+        load_pose(w, best_angles, best_root)
+        if apart != 0:
+            call(apart, w)
+            best = w.objective
+        store_pose(w, angles, root)
+        call(covariance, w)
+        store_pose_row(w, angles, root, out[t])
+        joints = out[t, OUT_JOINTS:OUT_OBJECTIVE].reshape(21, 3)
+        out[t, OUT_WORST] = greatest_distance(joints, targets[t], weights[t])
+        state = UNDERDETERMINED if line else state
+        store_results(w, out[t], best, top, known, seen, state)
+        if full:
+            for i in range(N_POSE):
+                for j in range(N_POSE):
+                    out_covariance[t, i, j] = w.covariance[i, j] / top
+    return GOOD
+
+
+@kernel
+def fit_frames(
+    model, contacts, solvers, settings, mean, keep, targets, weights, out, out_covariance
+):
+    """Fit frame after frame, each from the one before.
+
+    Args:
+        model: (rest joints (21, 3), axes (20, 3), lower (20,), upper (20,), twist).
+        contacts: (P, 5) pairs of capsules (see `hand.capsules.contacts`); (0, 5) for none.
+        solvers: addresses of Algorithm 1, of the Newton steps (0: Algorithm 1 alone), of the
+            fingers' other bends (0: none are tried), of `move_apart` (0: nothing is) and of the
+            covariance.
+        settings: (sweeps of a cold start, sweeps at most, steps at most, tolerance, robust loss,
+            its spread [m], variance of the joints [m^2] or 0 for what the residual shows, joints
+            below which a frame is not fitted, 1 where every frame starts anew from `mean`). With
+            at least one joint every frame is fitted that has one, else also none with its joints
+            on a line.
+        mean: (20,) the pose of a cold start.
+        keep: (KEEP_SIZE,) the last fitted pose, and MEMORY: NEW before anything was fitted, LOST
+            after a loss, FITTED after a fitted frame; overwritten.
+        targets: (T, 21, 3), NaN = missing; weights: (T, 21). Overwritten: a joint is missing as
+            a whole and has no weight then.
+        out: (T, OUT_SIZE) results, NaN where nothing is fitted and variances infinite.
+        out_covariance: (T, 26, 26) at unit noise, left as they are where nothing is fitted; or
+            (0, 26, 26), and the variances of the angles are all that is computed.
+
+    Returns:
+        GOOD; INFINITE_JOINT or BAD_WEIGHT (negative or not finite), and nothing is fitted.
+    """
+    works = np.zeros(1, dtype=WORK)
+    return fit_in(
+        works, model, contacts, solvers, settings, mean, keep, targets, weights, out, out_covariance
+    )
