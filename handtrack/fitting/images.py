@@ -17,6 +17,8 @@ from handtrack.fitting import fit
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import vector_to_matrix
 from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
+from handtrack.kernels.image_fit import fit_views
+from handtrack.kernels.workspace import CONVERGED
 
 Array = NDArray[np.float64]
 
@@ -220,7 +222,7 @@ def _solve(
 
 
 class ViewResults:
-    """What `reprojection.fit_views` writes, for T frames."""
+    """What `image_fit.fit_views` writes, for T frames."""
 
     def __init__(self, n: int):
         self.joints = np.empty((n, N_JOINTS, 3))
@@ -231,7 +233,7 @@ class ViewResults:
         self.angles = np.empty((n, N_ANGLES))
         self.roots = np.empty((n, 12))
         self._of: tuple[HandModel, Sequence[Camera]] | None = None
-        self._packed: tuple[Any, ...] = ()
+        self._hand: tuple[Any, ...] = ()
         self._numbers = np.empty((0, 0))
 
     def run(
@@ -252,18 +254,14 @@ class ViewResults:
             angles, roots: (T, 20), (T, 12) to start from; not changed.
             spread_px, stiffness: of the loss [px], and of the prior [px^2/rad^2].
         """
-        from handtrack.fitting.reprojection import fit_views
-
         self.angles[:], self.roots[:] = angles, roots
         # frame after frame the same: what is made of them is kept
         if self._of != (model, cameras):
-            limits = model.limits
-            hand = (model.rest_joints, model.axes, limits.lower, limits.upper)
-            self._packed = (*hand, float(model.thumb_twist))
+            self._hand = fit.constants(model)
             self._numbers = np.stack([camera.numbers for camera in cameras])
             self._of = (model, cameras)
         fit_views(
-            self._packed,
+            self._hand,
             self._numbers,
             np.ascontiguousarray(pixels),
             np.ascontiguousarray(weights),
@@ -273,17 +271,11 @@ class ViewResults:
             self.angles,
             self.roots,
             (MAX_STEPS, TOLERANCE),
-            self.joints,
-            self.objective,
-            self.steps,
-            self.state,
-            self.covariance,
+            (self.joints, self.objective, self.steps, self.state, self.covariance),
         )
 
     def fit(self, t: int, cameras: Sequence[Camera], pixels: Array, w: Array) -> ViewFit:
         """Frame t as a ViewFit; pixels (C, 21, 2) and weights (C, 21) as they were given."""
-        from handtrack.fitting.reprojection import CONVERGED
-
         seen = np.stack([camera.project(self.joints[t]) for camera in cameras])
         error = np.where(w > 0, np.linalg.norm(seen - pixels, axis=-1), np.nan)
         rotation = self.roots[t, :9].reshape(3, 3)

@@ -11,10 +11,8 @@ from handtrack.kernels.workspace import (
     ANGLES,
     FINGERS,
     GRADIENT,
-    HINGE_1,
     N_POSE,
     NORMAL,
-    TANGENT,
 )
 
 
@@ -36,34 +34,42 @@ def hold_faces(w, h, x):
     faces = False
     for f in range(FINGERS):
         k = 4 * f
-        if w.free[NORMAL, f] == 0.0 or w.free[TANGENT, f] == 0.0:
-            faces = True
-            c, n = w.normal[0, f], w.normal[1, f]
-            for j in range(N_POSE):
-                z, y = h[k, j], h[k + 1, j]
-                h[k, j], h[k + 1, j] = c * z + n * y, c * y - n * z
-            for j in range(N_POSE):
-                z, y = h[j, k], h[j, k + 1]
-                h[j, k], h[j, k + 1] = c * z + n * y, c * y - n * z
-            z, y = x[k], x[k + 1]
-            x[k], x[k + 1] = c * z + n * y, c * y - n * z
+        if w.free[NORMAL, f] == 0.0:
+            turn_saddle(w, f, h)
             h[k + 1, k + 1] += w.curvature[f]
-            if w.free[TANGENT, f] == 0.0:
-                hold(h, x, k + 1)
-            hold(h, x, k)
-        for a in range(HINGE_1, ANGLES):
+        for a in range(ANGLES):
             if w.free[a, f] == 0.0:
                 faces = True
-                hold(h, x, k + a)
+                for j in range(N_POSE):
+                    h[k + a, j] = h[j, k + a] = 0.0
+                h[k + a, k + a] = 1.0
+    hold_vector(w, x)
     return faces
 
 
 @inline
-def hold(h, x, k):
+def turn_saddle(w, f, h):
+    """Rows and columns of a saddle's two angles to its boundary's normal and tangent."""
+    k, c, n = 4 * f, w.normal[0, f], w.normal[1, f]
     for j in range(N_POSE):
-        h[k, j] = h[j, k] = 0.0
-    h[k, k] = 1.0
-    x[k] = 0.0
+        z, y = h[k, j], h[k + 1, j]
+        h[k, j], h[k + 1, j] = c * z + n * y, c * y - n * z
+    for j in range(N_POSE):
+        z, y = h[j, k], h[j, k + 1]
+        h[j, k], h[j, k + 1] = c * z + n * y, c * y - n * z
+
+
+@inline
+def hold_vector(w, x):
+    """A pose's vector in the directions of the faces, with none along what is held."""
+    for f in range(FINGERS):
+        k = 4 * f
+        if w.free[NORMAL, f] == 0.0:
+            c, n = w.normal[0, f], w.normal[1, f]
+            z, y = x[k], x[k + 1]
+            x[k], x[k + 1] = c * z + n * y, c * y - n * z
+        for a in range(ANGLES):
+            x[k + a] *= w.free[a, f]
 
 
 @inline
@@ -71,7 +77,7 @@ def leave_faces(w, x):
     """The step of the angles from the faces' directions to angles, in x and in `step`."""
     for f in range(FINGERS):
         k = 4 * f
-        if w.free[NORMAL, f] == 0.0 or w.free[TANGENT, f] == 0.0:
+        if w.free[NORMAL, f] == 0.0:
             c, n = w.normal[0, f], w.normal[1, f]
             z, y = x[k], x[k + 1]
             x[k], x[k + 1] = c * z - n * y, n * z + c * y

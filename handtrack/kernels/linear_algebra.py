@@ -62,6 +62,15 @@ def factor(a, u):
 
 
 @inline
+def is_lifted(a, u):
+    """Whether a pivot of `factor` was lifted, so that u is not the factor of a."""
+    lifted = False
+    for k in range(N):
+        lifted = lifted or not u[k, k] * u[k, k] > 1.01e-14 * abs(a[k, k]) + 1e-300
+    return lifted
+
+
+@inline
 def divide(u, w):
     """w becomes u^-T w, for w of any width."""
     columns = w.shape[1]

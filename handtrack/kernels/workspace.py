@@ -34,8 +34,8 @@ CONVERGED, LIMIT, STALLED, TOO_FEW, UNDERDETERMINED = range(5)
 # what `loss` says
 NO_LOSS, HUBER, GEMAN_MCCLURE = range(3)
 
-# capsules are 20 bones; numbers of a pair that may meet (see `hand.capsules.contacts`)
-MAX_CONTACTS, PAIR = 190, 5
+# pairs of 19 capsules; numbers of a pair that may meet (see `hand.capsules.contacts`)
+MAX_CONTACTS, PAIR = 171, 5
 
 _XYZ = 3
 _FIELDS: list[tuple[str, str, tuple[int, ...]]] = [

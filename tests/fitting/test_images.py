@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numba import njit
 
 import handtrack as ht
 from handtrack.errors import InputError, SettingsError
-from handtrack.fitting import reprojection
 from handtrack.fitting.images import ViewResults, fit_2d
 from handtrack.hand.rotations import vector_to_matrix
 
@@ -20,29 +17,6 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "cameras"))
 from rigs import rig
 
 HANDS = ("left", "right")
-
-
-# Python cannot call what is only inlined
-@njit
-def move(model, angles, root, step, new_angles, new_root):
-    reprojection.move(model, angles, root, step, new_angles, new_root)
-
-
-@njit
-def place(model, angles, x, u):
-    reprojection.place(model, angles, x, u)
-
-
-@njit
-def cost_of(cameras, seen, w, x, angles, root, spread2, prior, stiffness):
-    return reprojection.cost_of(cameras, seen, w, x, angles, root, spread2, prior, stiffness)
-
-
-@njit
-def differentiate(cameras, seen, w, x, u, angles, root, spread2, prior, stiffness, g, h):
-    reprojection.differentiate(
-        cameras, seen, w, x, u, angles, root, spread2, prior, stiffness, g, h
-    )
 
 
 def pose(hand: str, seed: int, reach: float = 0.7):
@@ -114,43 +88,6 @@ def test_one_camera_sees_the_distance_by_the_hands_size():
     fit = fit_2d(larger, pictures(cameras, joints), cameras, start=angles)
     far = np.linalg.norm(fit.joints.mean(0) - cameras[0].centre)
     assert far == pytest.approx(1.1 * np.linalg.norm(joints.mean(0) - cameras[0].centre), rel=0.01)
-
-
-@pytest.mark.parametrize("hand", HANDS)
-@pytest.mark.parametrize("spread", [0.0, 2.0])
-def test_gradient_by_finite_differences(hand, spread):
-    model, angles, rotation, translation = pose(hand, 3)
-    model = replace(model, thumb_twist=0.4)
-    cameras = rig(2)
-    rng = np.random.default_rng(0)
-    seen = pictures(cameras, model.joints(angles, rotation, translation))
-    seen = seen + rng.normal(0, 3, seen.shape)
-    w = rng.uniform(0.2, 1, (2, 21))
-    limits = model.limits
-    numbers = np.stack([c.numbers for c in cameras])
-    packed = (model.rest_joints, model.axes, limits.lower, limits.upper, 0.4)
-    free = (model.rest_joints, model.axes, np.full(20, -9.0), np.full(20, 9.0), 0.4)
-    prior, stiffness = np.zeros(20), np.full(20, 3.0)
-    root = np.concatenate([rotation.ravel(), translation])
-
-    def half(step):
-        a, r = np.empty(20), np.empty(12)
-        move(free, angles, root, step, a, r)
-        x, u = np.empty((21, 3)), np.empty((20, 3))
-        place(packed, a, x, u)
-        assert np.allclose(x, model.joints(a), atol=1e-12)
-        args = (numbers, seen, w, x, a, r, spread**2, prior, stiffness)
-        return 0.5 * cost_of(*args)
-
-    x, u = np.empty((21, 3)), np.empty((20, 3))
-    place(packed, angles, x, u)
-    g, h = np.empty(26), np.empty((26, 26))
-    differentiate(numbers, seen, w, x, u, angles, root, spread**2, prior, stiffness, g, h)
-    e = 1e-6
-    numeric = [(half(e * row) - half(-e * row)) / (2 * e) for row in np.eye(26)]
-    assert np.allclose(g, numeric, rtol=1e-5, atol=1e-4 * np.abs(g).max())
-    assert np.allclose(h, h.T)
-    assert np.linalg.eigvalsh(h)[0] > 0
 
 
 def test_limits_hold_and_a_start_outside_is_moved_in():
