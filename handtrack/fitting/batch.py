@@ -68,7 +68,7 @@ def fit_batch(
     given = np.ones(N_JOINTS) if weights is None else np.asarray(weights, dtype=np.float64)
     if given.shape not in ((N_JOINTS,), (n, N_JOINTS)):
         raise InputError(f"weights have shape {given.shape}, expected ({n}, 21) or (21,)")
-    w = np.array(np.broadcast_to(given, (n, N_JOINTS)))
+    w = np.array(np.broadcast_to(given, (n, N_JOINTS)), order="C")
     threads = os.cpu_count() or 1 if threads is None else threads
     if threads < 1:
         raise SettingsError(f"threads is {threads}, expected at least 1")
