@@ -162,6 +162,7 @@ def folded_back(joints: Array, picks: Picks) -> list[int]:
     """
     places = np.array(picks)
     x = np.where((places < 0)[:, None], np.nan, joints[:, places])[:: max(1, len(joints) // _LOOK)]
+    x = np.where(np.abs(x) < _HUGE, x, np.nan)
     out = []
     for base in BASES:
         for j in range(base, base + 3):

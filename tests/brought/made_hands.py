@@ -15,7 +15,7 @@ from tools.make import sample as make_sample
 FPS = 25.0
 """Of files with a clock; not what is assumed of the others."""
 FRAMES = 45
-NOISE_M = 0.0003
+NOISE_M = 0.0001
 
 
 @dataclass(frozen=True)

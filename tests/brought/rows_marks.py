@@ -191,10 +191,18 @@ ROWS.add("first", "mcap bones", late(both()), mcap, "a.mcap", how="bones")
 ROWS.add("first", "panoptic", scaled(late(both()), 100), panoptic, "")
 ROWS.add("first", "mediapipe tasks", begins_both, mediapipe_tasks, "a.jsonl")
 ROWS.add("first", "mediapipe solutions", begins_both, mediapipe_tasks, "a.jsonl", style="solutions")
+
+
+def without_wrist(joints: np.ndarray) -> np.ndarray:
+    return np.where(np.arange(21)[:, None] == 0, np.nan, joints)
+
+
 ROWS.add(
     "first",
     "leap",
-    late(no_wrist.but(mark=None)).but(expected=late(no_wrist).expected),
+    late(
+        scaled(left, 1e3).but(expected=np.where(np.arange(21)[:, None] == 0, np.nan, left.expected))
+    ),
     leap,
     "a.json",
 )

@@ -156,7 +156,7 @@ ROWS.add(
 
 for old, new in (
     ("wrist_x", "wirst_x"),
-    ("little_tip_z", "little_end_z"),
+    ("little_tip_z", "little_wurst_z"),
     ("ring_pip", "ring_pop"),
 ):
     ROWS.text(

@@ -45,7 +45,8 @@ from handtrack.sequences.titles import (
 
 FINEST = ("ns", "us", "ms", "s", "")
 """Of several times the one of the finest stated unit is taken."""
-_RATES = {"fps", "frame_rate", "framerate", "sample_rate", "hz", "frames_per_second", "rate"}
+RATES = ("fps", "frame_rate", "framerate", "sample_rate", "hz", "frames_per_second", "rate")
+UNIT_KEYS = ("unit", "units")
 JOINT_COUNTS = sorted(set(ORDER_JOINTS.values()))
 PAIRS = (42, 50, 52)
 """Joints in a frame of two hands."""
@@ -68,8 +69,9 @@ def from_fields(fields: Mapping[str, Any], path: Path) -> Raw:
     joints = as_frames(fields[key], path, key)
     n = len(joints)
     unit = None if said is None else said.unit
-    if unit is None and fields.get("unit") is not None:
-        unit = as_unit(fields["unit"], path)
+    stated = next((fields[k] for k in UNIT_KEYS if fields.get(k) is not None), None)
+    if unit is None and stated is not None:
+        unit = as_unit(stated, path)
     raw = Raw(joints, path, stem(path), unit=unit, hand=None if said is None else said.hand)
     there = {k: v for k, v in fields.items() if v is not None}
     label = next((k for k in there if is_hand_label(k)), None)
@@ -78,7 +80,7 @@ def from_fields(fields: Mapping[str, Any], path: Path) -> Raw:
         raw.hand = as_hand(there[label], path, label)
     if fields.get("order") is not None:
         raw.order = str(fields["order"])
-    rate = next((k for k in there if k.lower() in _RATES), None)
+    rate = next((k for k in there if k.lower() in RATES), None)
     if rate is not None:
         raw.fps = as_fps(there[rate], path)
     raw.name = str(fields.get("name") or raw.name)
@@ -223,20 +225,30 @@ def _nested(value: Any, path: Path, what: str) -> NDArray[Any]:
     """Nested lists as an array; an error names the element that does not fit."""
     if not isinstance(value, list):
         raise InputError(f"{what} is {_kind(value)}, expected a list", path)
-    if any(not isinstance(v, list) for v in value) and any(isinstance(v, list) for v in value):
-        # null for a whole frame, or for a joint of a single frame
-        like = next(v for v in value if isinstance(v, list))
-        value = [_blank(like) if v is None else v for v in value]
-    items = []
-    for item in value:
-        full = item
-        if isinstance(item, list) and any(isinstance(v, list) for v in item):
-            full = [[None] * 3 if v is None else v for v in item]
-        items.append(full)
+    items = [_place(v) if v else v for v in value]
+    like = next(
+        (v for v in items if isinstance(v, list) and any(isinstance(p, list | dict) for p in v)),
+        None,
+    )
+    like = like or next((v for v in items if isinstance(v, list)), None)
+    if like is not None:
+        # null for a whole frame, for all its joints, or for a joint of a single frame
+        gone = [v is None or (isinstance(v, list) and all(p is None for p in v)) for v in items]
+        items = [_blank(like) if no else v for no, v in zip(gone, items, strict=True)]
+    for i, item in enumerate(items):
+        if isinstance(item, list) and any(isinstance(v, list | dict) for v in item):
+            items[i] = [[None] * 3 if v in (None, []) else _place(v) for v in item]
     try:
         return np.array(items, dtype=np.float64)
     except (ValueError, TypeError, OverflowError):
         raise InputError(_misfit(items, what), path) from None
+
+
+def _place(value: Any) -> Any:
+    """{x, y, z} as a list."""
+    if isinstance(value, dict) and {"x", "y", "z"} <= value.keys():
+        return [value["x"], value["y"], value["z"]]
+    return value
 
 
 def _blank(like: list[Any]) -> list[Any]:

@@ -208,7 +208,7 @@ def _under(frame: dict[str, Any], key: str, label: Any) -> list[Found]:
     found = []
     for i, one in enumerate(value):
         own = label[i] if isinstance(label, list) and i < len(label) else label
-        found.append(_found(frame, one, key, own))
+        found.append(_found(frame, _unwrapped(one), key, own))
         if side_of(own) is None:
             found[-1].number = str(i)
     return found
@@ -218,7 +218,16 @@ def _is_several(value: Any) -> bool:
     """Whether a list is of hands, not of joints."""
     if not isinstance(value, list) or are_points(value):
         return False
-    return len(value) <= 4 and any(isinstance(v, list) and len(v) in COUNTS for v in value)
+    return len(value) <= 4 and any(
+        isinstance(v, list) and len(v) in COUNTS for v in map(_unwrapped, value)
+    )
+
+
+def _unwrapped(value: Any) -> Any:
+    """The joints inside an object that holds nothing else, as MediaPipe's {"landmark": [...]}."""
+    if isinstance(value, dict) and len(keys := _joint_keys(value)) == 1:
+        return value[keys[0]]
+    return value
 
 
 def _found(frame: dict[str, Any], value: Any, key: str, label: Any) -> Found:

@@ -22,7 +22,7 @@ import msgspec
 from handtrack.errors import InputError
 from handtrack.sequences.readers.both_hands import of_sides, two_hands
 from handtrack.sequences.readers.fields import as_frames, from_fields
-from handtrack.sequences.readers.found import MOST_NAMES, hands_in
+from handtrack.sequences.readers.found import CONTAINERS, MOST_NAMES, hands_in
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.points import are_points
 from handtrack.sequences.readers.raw import NotJointsError, Raw, stem
@@ -30,6 +30,7 @@ from handtrack.sequences.readers.records import read_records
 
 _LISTS = ("frames", "records", "samples", "data", "recording", "sequence", "messages", "poses")
 """Names under which an object holds frames."""
+_MOST_HANDS = 4
 
 
 def is_lines(data: bytes) -> bool:
@@ -109,7 +110,9 @@ def _frames(values: list[Any], path: Path, about: dict[str, Any]) -> list[Raw]:
 def _object(value: dict[str, Any], path: Path) -> list[Raw]:
     if len(value) > MOST_NAMES:
         raise NotJointsError(f"an object of {len(value)} names is of no hands", path)
-    for key in _LISTS:
+    # a frame has no more than a few hands: a longer list is of frames
+    long = [k for k in CONTAINERS if isinstance(value.get(k), list) and len(value[k]) > _MOST_HANDS]
+    for key in (*_LISTS, *long):
         frames = value.get(key)
         if frames == [] and key == "frames":
             raise InputError("frames is empty", path)

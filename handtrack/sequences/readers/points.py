@@ -123,7 +123,8 @@ def _confidences(points: Iterable[Any]) -> Array | None:
 def _named(value: dict[str, Any], place: str, path: Path) -> Points:
     plan = _plan(tuple(value))
     if plan.numbered:
-        numbers = {int(k): v for k, v in value.items() if k.isdecimal() and len(k) < 4}
+        said = {k: _number(k) for k in value}
+        numbers = {n: value[k] for k, n in said.items() if n is not None}
         begin = 0 if 0 in numbers else 1
         n = N_JOINTS if max(numbers) < N_JOINTS + begin else max(numbers) + 1 - begin
         if n not in COUNTS:
@@ -173,7 +174,7 @@ class _Plan(NamedTuple):
 
 @lru_cache(maxsize=256)
 def _plan(keys: tuple[str, ...]) -> _Plan:
-    if sum(k.isdecimal() for k in keys) > len(keys) / 2:
+    if sum(_number(k) is not None for k in keys) > len(keys) / 2:
         return _Plan((), True)
     said = [joint_name(words(k)) for k in keys]
     known = [s for s in said if s is not None]
@@ -183,6 +184,14 @@ def _plan(keys: tuple[str, ...]) -> _Plan:
     places = tuple(j for _, j in ours)
     simple = None not in joints and len(set(places)) == len(places) > 0
     return _Plan(joints, False, tuple(k for k, _ in ours), places, simple)
+
+
+def _number(key: str) -> int | None:
+    """The joint's number that a name such as "7", "joint7" or "landmark_07" is."""
+    if key.isdecimal():
+        return int(key) if len(key) < 4 else None
+    said = joint_name(words(key)) if key and key[-1].isdecimal() else None
+    return None if said is None or said.finger is not None else said.number
 
 
 @lru_cache(maxsize=256)

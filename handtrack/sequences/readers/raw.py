@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import Hand
 from handtrack.sequences.clock import Stamps
-from handtrack.sequences.names import as_side
+from handtrack.sequences.names import UNITS, as_side
 
 if TYPE_CHECKING:
     from handtrack.sequences.readers.mano_params import ManoValues
@@ -124,9 +124,9 @@ def as_unit(value: object, path: Path) -> Unit:
     Raises:
         InputError: it is another one.
     """
-    for unit in METRES:
-        if str(value).strip() == unit:
-            return unit
+    unit = UNITS.get(str(value).strip()) or UNITS.get(str(value).strip().lower())
+    if unit is not None:
+        return unit
     raise InputError(f"unit is {str(value)[:40]!r}, expected m, cm or mm", path)
 
 

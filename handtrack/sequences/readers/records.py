@@ -18,7 +18,7 @@ from handtrack.errors import InputError
 from handtrack.hand.skeleton import Hand
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import words
-from handtrack.sequences.readers.fields import FINEST, as_frames, frame_numbers
+from handtrack.sequences.readers.fields import FINEST, RATES, UNIT_KEYS, as_frames, frame_numbers
 from handtrack.sequences.readers.found import Found, hands_in, names_hands, side_of
 from handtrack.sequences.readers.pictures import refuse_pictures
 from handtrack.sequences.readers.points import are_points, read_points
@@ -75,7 +75,8 @@ def read_records(
     about = about or {}
     hands = _grouped(values, places, path, about)
     _refuse_meant(values, places, path)
-    said = {k: _first(values, k, about) for k in ("unit", "order", "fps", "name", "subject")}
+    said = {k: _first(values, (k,), about) for k in ("order", "name", "subject")}
+    unit, rate = (_first(values, keys, about) for keys in (UNIT_KEYS, RATES))
     raws = []
     for key, hand in hands.items():
         joints, confidence = _joints(hand, places, path)
@@ -85,10 +86,10 @@ def read_records(
         if len(units) > 1:
             raise InputError("the joints' names state different units", path)
         raw.unit = units.pop() if units else None
-        if raw.unit is None and said["unit"] is not None:
-            raw.unit = as_unit(said["unit"], path)
+        if raw.unit is None and unit is not None:
+            raw.unit = as_unit(unit, path)
         raw.order = None if said["order"] is None else str(said["order"])
-        raw.fps = None if said["fps"] is None else as_fps(said["fps"], path)
+        raw.fps = None if rate is None else as_fps(rate, path)
         raw.subject = str(said["subject"] or "")
         if key.number and sum(k.hand == key.hand for k in hands) > 1:
             raw.name = f"{raw.name} hand {key.number}"
@@ -104,10 +105,13 @@ def read_records(
     return raws
 
 
-def _first(values: Items[Any], name: str, about: dict[str, Any]) -> Any:
-    found = (v[name] for v in values if isinstance(v, dict) and v.get(name) is not None)
-    value = next((v for v in found if isinstance(v, str | int | float)), None)
-    return about.get(name) if value is None else value
+def _first(values: Items[Any], names: Items[str], about: dict[str, Any]) -> Any:
+    for name in names:
+        found = (v[name] for v in values if isinstance(v, dict) and v.get(name) is not None)
+        value = next((v for v in found if isinstance(v, str | int | float)), about.get(name))
+        if value is not None:
+            return value
+    return None
 
 
 def _grouped(

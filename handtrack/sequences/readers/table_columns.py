@@ -110,6 +110,7 @@ def read_columns(titles: list[str], path: Path) -> Columns:
         _share_unsided(joints)
     for hand in sorted(joints, key=lambda h: h or ""):
         places = _of_hand(joints[hand], titles, path)
+        _check_axes(places, found.unused, path)
         if places.joints:
             found.hands[hand] = places
     if not any(len(places.joints) >= 3 * _FEWEST for places in found.hands.values()):
@@ -231,7 +232,6 @@ def _of_hand(said: list[tuple[int, Column]], titles: list[str], path: Path) -> H
             raise InputError(f"two columns for {name} {'xyz'[s.axis]}", path)
         else:
             places.joints[joint, s.axis] = c
-    _check_axes(places, path)
     return places
 
 
@@ -256,7 +256,7 @@ def _begin(numbers: set[int], title: str, path: Path) -> tuple[int, int]:
     return begin, n
 
 
-def _check_axes(places: HandColumns, path: Path) -> None:
+def _check_axes(places: HandColumns, unused: list[str], path: Path) -> None:
     there = {joint for joint, _ in places.joints}
     axes = {axis for _, axis in places.joints}
     if axes == {0, 1}:
@@ -269,4 +269,5 @@ def _check_axes(places: HandColumns, path: Path) -> None:
         for axis in range(3):
             if (joint, axis) not in places.joints:
                 name = JOINT_NAMES[joint] if places.named else f"joint {joint}"
-                raise InputError(f"no column for {name} {'xyz'[axis]}", path)
+                other = f"; not understood: {_few(unused)}" if unused else ""
+                raise InputError(f"no column for {name} {'xyz'[axis]}{other}", path)

@@ -22,6 +22,7 @@ from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import as_side, words
 from handtrack.sequences.readers.bare_table import read_bare
 from handtrack.sequences.readers.fields import FINEST, frame_numbers
+from handtrack.sequences.readers.long_table import widened
 from handtrack.sequences.readers.pictures import refuse_pictures
 from handtrack.sequences.readers.raw import (
     Array,
@@ -52,24 +53,26 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
         return read_bare(table, path)
     if table.width > _MOST_COLUMNS:
         raise NotJointsError(f"a table of {table.width} columns is of no hands", path)
-    columns = read_columns(table.titles, path)
+    table = widened(table)
+    titles = table.titles or []
+    columns = read_columns(titles, path)
     if not table.lines:
         raise InputError("a header, but no frames", path)
     table.check_width()
-    stamps, note = _stamps(table, table.titles, columns)
+    stamps, note = _stamps(table, titles, columns)
     frame = None
     if columns.frame is not None:
-        title = table.titles[columns.frame]
+        title = titles[columns.frame]
         values = table.numbers([columns.frame], [title])[:, 0]
         frame = frame_numbers(values, len(values), path, title)
     label = _label_column(table, columns)
     notes = [note] if note else []
-    unused = [*columns.unused, *(table.titles[c] for c in columns.maybe_label if c != label)]
+    unused = [*columns.unused, *(titles[c] for c in columns.maybe_label if c != label)]
     if unused:
         notes.append(f"columns not used: {', '.join(unused[:8])}")
     raws = []
     for hand, places in columns.hands.items():
-        joints, confidence = _joints(table, table.titles, places)
+        joints, confidence = _joints(table, titles, places)
         raw = Raw(
             joints,
             path,
@@ -83,7 +86,7 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
             notes=tuple(notes),
         )
         refuse_pictures(raw)
-        raws += _by_hand(raw, table, table.titles, columns, label)
+        raws += _by_hand(raw, table, titles, columns, label)
         notes = []
     return raws
 
