@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import handtrack as ht
-from handtrack.errors import ModelError
+from handtrack.errors import ModelError, SettingsError
 from tools.bench.rendered import layout, methods, motion
 from tools.bench.rendered.bones import bone_frames, hand_size, learnt_offsets, moved_by
 from tools.bench.rendered.cases import GIVEN, ONE_CAMERA, cases
@@ -112,3 +113,28 @@ def test_the_true_hand_is_given_only_to_the_oracle():
     assert given.sequence.truth is None
     assert np.allclose(given.model.rest_joints, given.clip.truth_rest_joints)
     assert given.remark == ""
+
+
+def test_angles_of_another_days_axes_are_fitted_anew():
+    made = clip(2)
+    other = np.roll(made.truth_axes, 1, axis=1)
+    (given, _) = cases(replace(made, default_axes=other))
+    assert "axes have changed (0.00 mm left)" in given.remark
+    # the axes are today's after all: the same angles come out
+    assert np.rad2deg(np.abs(given.angles - made.truth_angles)).max() < 0.01
+
+
+def test_a_camera_that_is_not_there_is_said():
+    with pytest.raises(SettingsError, match="has 1 cameras, there is no 2"):
+        cases(clip(0), camera=2)
+
+
+def test_rows_are_chosen_and_added():
+    rows = methods.chosen([], ["template"], [("mine", '{"calibrate": false}')])
+    assert list(rows) == ["raw", "fit, template", "rts, template", "mine"]
+    (given, _) = cases(clip(1))
+    mine, template = rows["mine"](given), rows["fit, template"](given)
+    assert np.array_equal(mine.joints, template.joints)
+    for text in ("{", "[1]"):
+        with pytest.raises(SettingsError, match="mine: "):
+            methods.chosen([], also=[("mine", text)])

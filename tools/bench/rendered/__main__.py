@@ -25,12 +25,23 @@ def main(arguments: list[str] | None = None) -> int:
     making.add_argument("--cameras", type=int, choices=(1, 2, 3, 4), default=3)
     looking = commands.add_parser("look", help="draw some pictures into one file")
     looking.add_argument("out", type=Path, metavar="OUT.png")
-    looking.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2, 3])
+    looking.add_argument(
+        "--clips", type=int, nargs="+", default=[0, 1, 2, 3], choices=range(30), metavar="0..29"
+    )
     studying = commands.add_parser("study", help="measure raw, smoothed, fitted and filtered")
     studying.add_argument("paths", nargs="*", type=Path, metavar="PATH", help="clips, or folders")
     studying.add_argument("--holdout", action="store_true", help="the clips that were held out")
     studying.add_argument("--camera", type=int, default=0, help="which one is one camera")
     studying.add_argument("--json", type=Path, metavar="OUT", help="write all numbers")
+    studying.add_argument("--only", nargs="+", default=[], metavar="WORD", help="rows named so")
+    studying.add_argument(
+        "--also",
+        nargs=2,
+        action="append",
+        default=[],
+        metavar=("NAME", "JSON"),
+        help="a row of one's own: settings of handtrack.track",
+    )
     studying.add_argument("--quick", action="store_true", help="only the first three clips")
     networks = commands.add_parser("networks", help="depth networks' predictions into clips")
     networks.add_argument("predictions", nargs="+", type=Path, metavar="PREDICTIONS.txt")
@@ -43,7 +54,7 @@ def main(arguments: list[str] | None = None) -> int:
         elif options.command == "look":
             from tools.bench.rendered.sheet import sheet
 
-            sheet(options.out, options.seeds)
+            sheet(options.out, options.clips)
         elif options.command == "networks":
             _networks(options)
         else:
@@ -57,6 +68,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _study(options: argparse.Namespace) -> None:
     from rich.console import Console
 
+    from tools.bench.rendered.methods import chosen
     from tools.bench.rendered.study import say, study, write_json
 
     paths = options.paths or [DATA / ("holdout" if options.holdout else "tune")]
@@ -64,7 +76,10 @@ def _study(options: argparse.Namespace) -> None:
     console = Console(width=None if Console().is_terminal else 150)
     with console.status("") as status:
         rows = study(
-            clips[:3] if options.quick else clips, camera=options.camera, progress=status.update
+            clips[:3] if options.quick else clips,
+            lambda cases: chosen(cases, options.only, options.also),
+            options.camera,
+            status.update,
         )
     say(rows, console)
     if options.json:

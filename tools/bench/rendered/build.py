@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import handtrack as ht
 from handtrack.cameras.triangulate import triangulate
+from handtrack.errors import InputError
 from handtrack.video.detector import Detection, Detector
 from tools.bench.rendered import layout, motion, rig
 from tools.bench.rendered.people import Subject, subject
@@ -88,7 +89,10 @@ def moved(plan: Plan, person: Subject) -> motion.Motion:
 
 @cache
 def _longest(path: Path) -> motion.Motion:
-    return max(motion.tracked(path), key=len)
+    found = motion.tracked(path)
+    if not found:
+        raise InputError("no hand is tracked for two seconds in a row", path)
+    return max(found, key=len)
 
 
 def make(plan: Plan, raster: Raster, detector: MakeDetector, cameras: int = CAMERAS) -> layout.Clip:

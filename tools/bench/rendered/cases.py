@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import handtrack as ht
+from handtrack.errors import SettingsError
 from tools.bench.rendered.layout import Array, Clip
 
 ONE_CAMERA, TRIANGULATED, GIVEN = "one camera", "triangulated", "3D as given"
@@ -52,7 +53,12 @@ def cases(clip: Clip, camera: int = 0) -> list[Case]:
     Args:
         clip: the detections.
         camera: whose world landmarks are taken for one camera's.
+
+    Raises:
+        SettingsError: there is no such camera.
     """
+    if clip.world is not None and not 0 <= camera < len(clip.world):
+        raise SettingsError(f"{clip.name} has {len(clip.world)} cameras, there is no {camera}")
     given: list[tuple[str, Array]] = []
     if clip.world is not None:
         seen = clip.seen(camera)[:, None, None]

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from collections.abc import Sequence as Many
 from typing import Any, NamedTuple
 
 import numpy as np
 
 import handtrack as ht
+from handtrack.errors import SettingsError
 from handtrack.evaluation.metrics import pa_mpjpe
 from tools.bench.oracles import savgol
 from tools.bench.rendered.bones import learnt_offsets, moved_by
@@ -97,9 +100,14 @@ class Tracking:
         return method
 
 
+def with_settings(settings: dict[str, Any]) -> Method:
+    """`handtrack.track` with those settings and nothing else."""
+    return lambda case: _of(ht.track(case.sequence, **settings))
+
+
 def template(**settings: Any) -> Method:
     """On the default hand, only scaled."""
-    return lambda case: _of(ht.track(case.sequence, calibrate=False, **settings))
+    return with_settings({"calibrate": False, **settings})
 
 
 def on_true_hand(**settings: Any) -> Method:
@@ -145,4 +153,31 @@ def standard(all_cases: list[Case]) -> dict[str, Method]:
     rows["rts, 3 x noise"] = tracking.louder(3.0, filter="rts")
     rows["rts, true hand (oracle)"] = on_true_hand(filter="rts")
     rows["constant offsets, no fit"] = offsets(all_cases)
+    return rows
+
+
+def chosen(
+    all_cases: list[Case], only: Many[str] = (), also: Many[tuple[str, str]] = ()
+) -> dict[str, Method]:
+    """The standard rows of which a name holds one of some words, and rows of one's own; raw first.
+
+    Args:
+        all_cases: as for `standard`.
+        only: words; all rows without any.
+        also: name, and settings of `handtrack.track` as a JSON object.
+
+    Raises:
+        SettingsError: settings are no JSON object.
+    """
+    rows = standard(all_cases)
+    if only:
+        rows = {n: m for n, m in rows.items() if n == RAW or any(word in n for word in only)}
+    for name, text in also:
+        try:
+            settings = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise SettingsError(f"{name}: {text} is no JSON ({error})") from None
+        if not isinstance(settings, dict):
+            raise SettingsError(f"{name}: {text}, expected an object of settings of ht.track")
+        rows[name] = with_settings(settings)
     return rows
