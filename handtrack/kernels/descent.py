@@ -179,6 +179,15 @@ def hinge_exact(n, w, t, a, lower, upper, current):
     return best_hinge(c, s, lower, upper, current)
 
 
+@inline
+def seen_from_saddle(w, f, j, x):
+    """Target j from joint x, in the frame that the saddle gives it."""
+    z, y = w.angle[FLEXION, f], w.angle[ABDUCTION, f]
+    t = sub(lane(w.seen, j, f), x)
+    t = rotate(lane(w.rest_axis, FLEXION, f), math.cos(z), -math.sin(z), t)
+    return rotate(lane(w.rest_axis, ABDUCTION, f), math.cos(y), -math.sin(y), t)
+
+
 def finger_pass(update_saddle, update_hinge):
     """A compiled pass over one finger in tree order, with these updates of its joints."""
 
@@ -202,14 +211,6 @@ def finger_pass(update_saddle, update_hinge):
         z, y = w.angle[FLEXION, f], w.angle[ABDUCTION, f]
         z, y = update_saddle(nz, ny, pulls, targets, (b1, a2, a3), z, y, saddle_limits(w, f))
         w.angle[FLEXION, f], w.angle[ABDUCTION, f] = z, y
-
-    @inline
-    def seen_from_saddle(w, f, j, x):
-        """Target j from joint x, in the frame that the saddle gives it."""
-        z, y = w.angle[FLEXION, f], w.angle[ABDUCTION, f]
-        t = sub(lane(w.seen, j, f), x)
-        t = rotate(lane(w.rest_axis, FLEXION, f), math.cos(z), -math.sin(z), t)
-        return rotate(lane(w.rest_axis, ABDUCTION, f), math.cos(y), -math.sin(y), t)
 
     @inline
     def turn_hinges(w, f):

@@ -52,7 +52,8 @@ def factor(a, u):
         d = max(u[k, k], 1e-14 * abs(a[k, k]) + 1e-300)
         log += math.log(d)
         inverse = 1.0 / math.sqrt(d)
-        for j in range(k, N):
+        u[k, k] = d * inverse
+        for j in range(k + 1, N):
             u[k, j] *= inverse
         for i in range(k + 1, N):
             v = u[k, i]

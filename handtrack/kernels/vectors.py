@@ -210,7 +210,7 @@ def quaternion(m):
 
 @inline
 def cos_sin(x):
-    """Cosine and sine of an angle in -pi..pi, to 4e-16, by straight-line code.
+    """Cosine and sine of an angle in -pi..pi, to 1e-15, by straight-line code.
 
     Taylor series at a quarter of the angle, then the double-angle formulae twice; unlike the
     library's functions this turns into vector instructions.
