@@ -1,82 +1,288 @@
-"""Tables of one row for each joint (frame, joint, x, y, z), as melted data frames are, made into
-tables of one row for each frame."""
+"""Reader of tables with a row for each joint: frame, hand, joint, x, y, z, in any order; and of
+the same with a row for each number, as pandas melts them."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import re
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from handtrack.errors import InputError
-from handtrack.sequences.names import AXES, words
-from handtrack.sequences.readers.table_cells import MISSING, Table
-from handtrack.sequences.titles import (
-    is_confidence,
-    is_frame_number,
-    is_hand_label,
-    is_hand_number,
-    time_unit,
-)
+from handtrack.hand.skeleton import Hand
+from handtrack.sequences.clock import Stamps
+from handtrack.sequences.readers.fields import frame_numbers
+from handtrack.sequences.readers.long_columns import LongColumns
+from handtrack.sequences.readers.pictures import refuse_pictures
+from handtrack.sequences.readers.raw import Array, Raw, stem, usable_confidence
+from handtrack.sequences.readers.table_cells import Table
+from handtrack.sequences.readers.table_columns import Columns, other_columns
+from handtrack.sequences.readers.table_rows import by_hand, label_column, stamps_in
+from handtrack.sequences.titles import is_frame_number
 
-_JOINT = {"joint", "landmark", "keypoint", "kp", "bone", "bodypart", "bodyparts", "point", "marker"}
-_ABOUT = {"id", "index", "idx", "name", "number", "no", "label", "type"}
+_NEAR = 200
+"""Two rows of one joint are of two hands where they stand so few lines apart."""
+_MOST_FILLED = 300
+_NUMBER = re.compile(r"\d{1,18}")
 
 
-def widened(table: Table) -> Table:
-    """The table with one row a frame, where it has one a joint; else as it is.
+@dataclass
+class _Groups:
+    """Rows that make one hand at one moment.
+
+    Attributes:
+        of_row: (rows,) each row's group.
+        first: each group's first row.
+        frame: each group's frame, as an index in time's order.
+        hand: the hand in the joint's name; `second` where a frame has two without a name.
+        second: 0 or 1.
+        begins: the first row of each frame.
+        numbers: (frames,) the frames' numbers, where there are any.
+    """
+
+    of_row: NDArray[np.int64]
+    first: list[int]
+    frame: list[int]
+    hand: list[Hand | None]
+    second: list[int]
+    begins: list[int]
+    numbers: NDArray[np.int64] | None
+
+
+def read_long(titles: list[str], long: LongColumns) -> list[Raw]:
+    """The sequences of a table of one row for each joint (or each number), one per hand.
+
+    A joint without a row is missing, a frame number without rows a frame in which nothing was
+    seen.
 
     Raises:
-        InputError: a joint stands twice in a frame.
+        InputError: a joint twice in a frame, a cell that is no number, or joints in a picture.
     """
-    titles = table.titles or []
-    axes = {c: words(t) for c, t in enumerate(titles) if words(t)[:1] and words(t)[0] in AXES}
-    names = [c for c, t in enumerate(titles) if _names_joints(t)]
-    if len(axes) != 3 or len(names) != 1 or len({w[0] for w in axes.values()}) != 3:
-        return table
-    table.check_width()
-    (name,) = names
-    keys = [c for c, t in enumerate(titles) if c != name and _is_key(t)]
-    values = [*axes, *(c for c, t in enumerate(titles) if is_confidence(t))]
-    cells = [table.cells(row) for row in range(len(table.lines))]
-    joints = list(dict.fromkeys(row[name] for row in cells if row[name].lower() not in MISSING))
-    frames: dict[tuple[str, ...], dict[str, list[str]]] = {}
-    places: list[int] = []
-    count = 0
-    for place, row in zip(table.places, cells, strict=True):
-        key = tuple(row[c] for c in keys)
-        if not keys:  # nothing counts frames: the first joint's return does
-            count += bool(joints) and row[name] == joints[0]
-            key = (str(count),)
-        if key not in frames:
-            frames[key] = {}
-            places.append(place)
-        if row[name] in frames[key]:
-            raise InputError(
-                f"line {place}: {titles[name]} {row[name][:40]} is there twice in one frame; rows"
-                " of one frame need a frame number or a time",
-                table.path,
-            )
-        if row[name].lower() not in MISSING:
-            frames[key][row[name]] = [row[c] for c in values]
-    wide = [titles[c] for c in keys]
-    wide += [_title(joint, titles[c]) for joint in joints for c in values]
-    separator = table.separator or "\t"
-    blank = ["nan"] * len(values)
-    lines = [
-        separator.join([*(key if keys else ()), *(v for j in joints for v in seen.get(j, blank))])
-        for key, seen in frames.items()
-    ]
-    return replace(table, lines=lines, places=places, separator=separator, titles=wide)
+    table, path = long.table, long.table.path
+    columns = other_columns(titles, long.all, path)
+    label = label_column(table, columns)
+    keys = _frame_keys(table, titles, columns, long)
+    groups = _grouped(table, titles, columns, label, long, keys)
+    joints, confidence = _placed(table, titles, long, groups)
+    small = replace(
+        table,
+        lines=[table.lines[i] for i in groups.first],
+        places=[table.places[i] for i in groups.first],
+    )
+    frames = replace(
+        table,
+        lines=[table.lines[i] for i in groups.begins],
+        places=[table.places[i] for i in groups.begins],
+    )
+    stamps, note = stamps_in(frames, titles, columns)
+    notes = [note] if note else []
+    unused = [*columns.unused, *(titles[c] for c in columns.maybe_label if c != label)]
+    if unused:
+        notes.append(f"columns not used: {', '.join(unused[:8])}")
+    raw = Raw(joints, path, stem(path), confidence=confidence, unit=long.unit, order=long.order)
+    raw.frame_index = np.array(groups.frame, dtype=np.int64)
+    parts: list[Raw] = []
+    for hand in dict.fromkeys(groups.hand):
+        for second in sorted(set(groups.second)):
+            rows = [
+                i
+                for i, k in enumerate(zip(groups.hand, groups.second, strict=True))
+                if k == (hand, second)
+            ]
+            if rows:
+                some = _taken(raw, rows, hand)
+                if max(groups.second):
+                    some.name = f"{raw.name} hand {second}"
+                of = replace(
+                    small,
+                    lines=[small.lines[i] for i in rows],
+                    places=[small.places[i] for i in rows],
+                )
+                parts += by_hand(some, of, titles, columns, label)
+    parts[0].notes = (*notes, *parts[0].notes)
+    return [_timed(part, stamps, groups, parts, table.normalised) for part in parts]
 
 
-def _names_joints(title: str) -> bool:
-    said = words(title)
-    return bool(said) and said[0] in _JOINT and set(said[1:]) <= _ABOUT
+def _taken(raw: Raw, rows: list[int], hand: Hand | None) -> Raw:
+    confidence = None if raw.confidence is None else raw.confidence[rows]
+    index = None if raw.frame_index is None else raw.frame_index[rows]
+    return replace(
+        raw, joints=raw.joints[rows], confidence=confidence, frame_index=index, hand=hand
+    )
 
 
-def _is_key(title: str) -> bool:
-    counts = time_unit(title) is not None or is_frame_number(title)
-    return counts or is_hand_label(title) or is_hand_number(title)
+def _frame_keys(
+    table: Table, titles: list[str], columns: Columns, long: LongColumns
+) -> tuple[list[str] | NDArray[np.int64], NDArray[np.int64] | None]:
+    """What tells one frame's rows from another's, and the frames' numbers."""
+    if columns.frame is not None:
+        texts = table.texts(columns.frame)
+        if all(map(str.isdigit, texts)):
+            values = np.array([float(t) for t in texts])
+            numbers = frame_numbers(values, len(values), table.path, titles[columns.frame])
+            return numbers, numbers
+        found = [_NUMBER.findall(t) for t in texts]  # names of pictures
+        if all(found) and len({len(f) for f in found}) == 1:
+            last = np.array([int(f[-1]) for f in found], dtype=np.int64)
+            if len(np.unique(last)) == len(set(texts)):
+                return last, last
+        return texts, None
+    named = next((c for c, t in enumerate(titles) if is_frame_number(t)), None)
+    if columns.times or named is not None:
+        return table.texts(titles.index(columns.times[0]) if named is None else named), None
+    return _counted(table, long), None
 
 
-def _title(joint: str, value: str) -> str:
-    """ "wrist_x_mm" of "wrist" and "x_mm"; numbers get a word."""
-    return f"{f'joint{joint}' if joint.isdigit() else joint}_{value}"
+def _counted(table: Table, long: LongColumns) -> NDArray[np.int64]:
+    """Frames of rows without numbers or times: one begins where the joints begin again."""
+    rank: dict[int, int] = {}
+    codes = np.array([rank.setdefault(c, len(rank)) for c in long.codes], dtype=np.int64)
+    return np.concatenate([[0], np.cumsum(np.diff(codes) <= 0)]).astype(np.int64)
+
+
+def _grouped(
+    table: Table,
+    titles: list[str],
+    columns: Columns,
+    label: int | None,
+    long: LongColumns,
+    keys: tuple[list[str] | NDArray[np.int64], NDArray[np.int64] | None],
+) -> _Groups:
+    given, numbers = keys
+    order: dict[object, int]
+    if numbers is not None:
+        order = {int(k): i for i, k in enumerate(np.unique(numbers))}
+    else:
+        order = {}
+        for k in given:
+            order.setdefault(k if isinstance(k, str) else int(k), len(order))
+    frame = [order[k if isinstance(k, str) else int(k)] for k in given]
+    labels = [""] * len(frame) if label is None else table.texts(label)
+    tracks = [""] * len(frame) if columns.number is None else table.texts(columns.number)
+    begins: dict[int, int] = {}
+    seen: dict[tuple[object, ...], int] = {}
+    index: dict[tuple[object, ...], int] = {}
+    groups = _Groups(np.zeros(len(frame), np.int64), [], [], [], [], [], None)
+    for i, code in enumerate(long.codes):
+        hand, joint, axis = long.slots[code]
+        begins.setdefault(frame[i], i)
+        key = (frame[i], hand, labels[i], tracks[i])
+        second = 0
+        if joint is not None:
+            one = (*key, joint, axis)
+            before = seen.get(one)
+            if before is None:
+                seen[one] = i
+            else:
+                second = _second(table, titles, long, i, before, (*one, 1) in seen)
+                seen[*one, 1] = i
+                if hand is not None or labels[i] or tracks[i]:
+                    raise InputError(_twice(table, titles, long, before, i), table.path)
+        group = index.setdefault((*key, second), len(index))
+        if group == len(groups.first):
+            groups.first.append(i)
+            groups.frame.append(frame[i])
+            groups.hand.append(hand)
+            groups.second.append(second)
+        groups.of_row[i] = group
+    groups.begins = [begins[k] for k in range(len(order))]
+    groups.numbers = None if numbers is None else np.unique(numbers)
+    return groups
+
+
+def _second(
+    table: Table, titles: list[str], long: LongColumns, row: int, before: int, third: bool
+) -> int:
+    if third or table.places[row] - table.places[before] > _NEAR:
+        raise InputError(_twice(table, titles, long, before, row), table.path)
+    return 1
+
+
+def _twice(table: Table, titles: list[str], long: LongColumns, first: int, second: int) -> str:
+    name = table.texts(long.names[0])[second]
+    return (
+        f"line {table.places[second]}: {titles[long.names[0]]} {name[:40]} of this frame stands in"
+        f" line {table.places[first]} too: a column named hand tells hands apart, one named frame"
+        " frames"
+    )
+
+
+def _placed(
+    table: Table, titles: list[str], long: LongColumns, groups: _Groups
+) -> tuple[Array, Array | None]:
+    """(groups, N, 3) joints and (groups, N) confidence."""
+    values = table.numbers(long.axes, [titles[c] for c in long.axes])
+    joints = np.full((len(groups.first), long.n_joints, 3), np.nan)
+    sure = np.ones(joints.shape[:2])
+    codes = np.array(long.codes, dtype=np.int64)
+    joint_of = np.array([-1 if j is None else j for _, j, _ in long.slots], dtype=np.int64)
+    axis_of = np.array([3 if a is None else a for _, _, a in long.slots], dtype=np.int64)
+    joint, axis = joint_of[codes], axis_of[codes]
+    whole = (joint >= 0) & (axis == 3)
+    joints[groups.of_row[whole], joint[whole]] = values[whole]
+    one = (joint >= 0) & (axis >= 0) & (axis < 3)
+    joints[groups.of_row[one], joint[one], axis[one]] = values[one, 0]
+    confident = (joint >= 0) & (axis == -1)
+    sure[groups.of_row[confident], joint[confident]] = values[confident, 0]
+    if long.sure is not None:
+        given = table.numbers([long.sure], [titles[long.sure]])[:, 0]
+        at = joint >= 0
+        sure[groups.of_row[at], joint[at]] *= given[at]
+    elif not confident.any():
+        return joints, None
+    return joints, usable_confidence(sure)
+
+
+def _timed(
+    raw: Raw, stamps: Stamps | None, groups: _Groups, parts: list[Raw], normalised: bool
+) -> Raw:
+    """One hand in all frames, with their times and numbers."""
+    at = raw.frame_index if raw.frame_index is not None else np.arange(len(raw.joints))
+    n = len(groups.begins)
+    alone = len(parts) > 1 and sum(len(p.joints) for p in parts) == n
+    frames = at if alone else np.arange(n)
+    numbers = None if groups.numbers is None else groups.numbers[frames]
+    if stamps is not None:
+        stamps = stamps.take(frames)
+    place = np.searchsorted(frames, at)
+    filled = numbers is not None and not alone and _filled(numbers, stamps)
+    if filled and numbers is not None:
+        every = np.arange(numbers[0], numbers[-1] + 1)
+        place = numbers[place] - numbers[0]
+        stamps = None if stamps is None else _between(stamps, numbers, every)
+        numbers = every
+        n = len(every)
+    length = len(frames) if numbers is None else len(numbers)
+    joints = np.full((length, *raw.joints.shape[1:]), np.nan)
+    joints[place] = raw.joints
+    confidence = None
+    if raw.confidence is not None:
+        confidence = np.ones(joints.shape[:2])
+        confidence[place] = raw.confidence
+    out = replace(raw, joints=joints, confidence=confidence, stamps=stamps, frame_index=numbers)
+    refuse_pictures(out, normalised)
+    return out
+
+
+def _filled(numbers: NDArray[np.int64], stamps: Stamps | None) -> bool:
+    """Whether numbers without rows are frames in which nothing was seen."""
+    steps = np.diff(numbers)
+    if not len(steps) or (steps == 1).mean() < 0.5 or steps.max() > _MOST_FILLED:
+        return False
+    few = numbers[-1] - numbers[0] <= 3 * len(numbers) + 100
+    return bool(few) and (stamps is None or isinstance(stamps.values, np.ndarray))
+
+
+def _between(stamps: Stamps, numbers: NDArray[np.int64], every: NDArray[np.int64]) -> Stamps:
+    """Times of all frames, of those without rows between their neighbours'."""
+    values = stamps.values
+    since = values - values[0]
+    between = np.interp(every, numbers, since.astype(np.float64))
+    if values.dtype.kind == "i":
+        full = np.round(between).astype(np.int64) + values[0]
+        full[numbers - numbers[0]] = values
+        return Stamps(full, stamps.name, stamps.unit)
+    full = between + values[0]
+    full[numbers - numbers[0]] = values
+    return Stamps(full, stamps.name, stamps.unit)

@@ -83,8 +83,8 @@ def read_bytes(data: bytes, path: Path, kind: str | None = None) -> list[Raw]:
     named = path.suffix in (".pkl", ".pickle")
     if (named or data[:1] == PICKLE_START) and data[-1:] == b".":
         return pickled.read_pickle(data, path)
-    data = as_utf8(data)
-    if b"\0" in data[:512]:
+    data = as_utf8(data).lstrip(b"\0")
+    if not data or b"\0" in data[:512]:
         raise NotJointsError(
             "not a joint sequence: expected JSON, CSV, .npz, .npy, .mcap or a Panoptic .tar", path
         )

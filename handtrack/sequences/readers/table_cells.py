@@ -11,12 +11,17 @@ from pathlib import Path
 import numpy as np
 
 from handtrack.errors import InputError
-from handtrack.sequences.readers.jsontext import as_utf8
-from handtrack.sequences.readers.raw import Array, NotJointsError
+from handtrack.sequences.readers.raw import Array
+from handtrack.sequences.readers.table_lines import lines_of
+from handtrack.sequences.readers.table_places import (
+    NORMALISED,
+    SEPARATOR,
+    guarded,
+    is_place,
+    spread,
+)
 
 MISSING = {"", "nan", "na", "n/a", "n.a.", "null", "none", "-", "--", "#n/a", "nat", "<na>"}
-_QUOTED = "\x1f"
-"""Separates cells of which some were quoted: no text holds it."""
 _WORD = re.compile(r"(?i)\b(?:null|none|na|n/a|nat)\b|#n/a|(?<![\d.eE])-(?![\d.])")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _MAX_TITLE_LINES = 4
@@ -35,6 +40,7 @@ class Table:
         titles: of the columns; None where the table has none.
         first: the first line's cells, for messages.
         path: the file.
+        normalised: whether its places are called normalised landmarks, as MediaPipe does.
     """
 
     lines: list[str]
@@ -43,6 +49,7 @@ class Table:
     titles: list[str] | None
     first: list[str]
     path: Path
+    normalised: bool = False
 
     @property
     def width(self) -> int:
@@ -129,7 +136,7 @@ class Table:
         return out
 
 
-_LONGEST = 200_000
+_FIRST = 50
 
 
 def read_cells(data: bytes, path: Path) -> Table:
@@ -139,20 +146,23 @@ def read_cells(data: bytes, path: Path) -> Table:
         NotJointsError: no text.
         InputError: no lines.
     """
-    lines, places, comment = _lines(_text(data, path), path)
+    lines, places, comment = lines_of(data, path)
     if not lines:
         raise InputError("no lines in it", path)
+    quoted = any('"' in line for line in lines)
+    if not quoted:
+        lines = guarded(lines)
     if re.fullmatch(r"sep=[,;\t]", lines[0]):
         separator: str | None = lines[0][-1]
         lines, places = lines[1:], places[1:]
     else:
         separator = _separator(lines)
-    if separator is not None and any('"' in line for line in lines):
+    if separator is not None and quoted:
         lines = [
             _unquoted(line, separator, place, path)
             for line, place in zip(lines, places, strict=True)
         ]
-        separator = _QUOTED
+        separator = SEPARATOR
     n_titles = _title_lines(lines, separator)
     titles = [_cells(line, separator) for line in lines[:n_titles]]
     body, places = lines[n_titles:], places[n_titles:]
@@ -167,7 +177,12 @@ def read_cells(data: bytes, path: Path) -> Table:
             titles = [said]
     body = _points(body, separator)
     joined = _numbered(_joined(titles))
-    table = Table(_without_last(body, separator, joined), places, separator, joined, [], path)
+    body = _without_last(body, separator, joined)
+    normalised = any(NORMALISED in line for line in body[:_FIRST])
+    apart = spread(body, places, lambda line: _cells(line, separator), joined, path)
+    if apart is not None:
+        (body, joined), separator = apart, SEPARATOR
+    table = Table(body, places, separator, joined, [], path, normalised)
     table.first = table.cells(0) if body else []
     return table
 
@@ -179,33 +194,6 @@ def is_number(cell: str) -> bool:
     except ValueError:
         return bool(_DECIMAL_COMMA.fullmatch(cell))
     return True
-
-
-def _text(data: bytes, path: Path) -> str:
-    try:
-        return as_utf8(data).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise NotJointsError(f"not UTF-8 text (byte {error.start})", path) from None
-
-
-def _lines(text: str, path: Path) -> tuple[list[str], list[int], str]:
-    """Lines with something in them, their numbers, and the last comment before the first."""
-    lines: list[str] = []
-    places: list[int] = []
-    comment = ""
-    for number, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), 1):
-        start = line.lstrip()
-        if not start:
-            continue
-        if start[0] == "#":
-            if not lines:
-                comment = start.lstrip("#").strip()
-            continue
-        if len(line) > _LONGEST:
-            raise InputError(f"line {number} has {len(line):,} letters: no row of a table", path)
-        lines.append(line)
-        places.append(number)
-    return lines, places, comment
 
 
 def _separator(lines: list[str]) -> str | None:
@@ -225,7 +213,7 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 def _unquoted(line: str, separator: str, place: int, path: Path) -> str:
     try:
-        return _QUOTED.join(next(csv.reader([line], delimiter=separator)))
+        return SEPARATOR.join(next(csv.reader([line], delimiter=separator)))
     except csv.Error as error:
         raise InputError(f"line {place}: {error}", path) from None
 
@@ -239,7 +227,7 @@ def _title_lines(lines: list[str], separator: str | None) -> int:
     for n, line in enumerate(lines[: _MAX_TITLE_LINES + 1]):
         cells = _cells(line, separator)
         full = [c for c in cells if c.lower() not in MISSING]
-        numbers = [c for c in full if is_number(c)]
+        numbers = [c for c in full if is_number(c) or is_place(c)]
         if n == 0 and len(numbers) == len(full) > 1 and _counts(cells):
             continue
         if numbers and len(numbers) >= len(full) / 2:

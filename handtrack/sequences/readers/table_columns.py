@@ -82,29 +82,7 @@ def read_columns(titles: list[str], path: Path) -> Columns:
         InputError: joints that cannot be told, or lack an axis; titles that look like a joint, a
             hand or a time and are not understood.
     """
-    found = Columns()
-    joints: dict[Hand | None, list[tuple[int, Column]]] = {}
-    sure: list[tuple[int, Hand | None]] = []
-    for c, title in enumerate(titles):
-        said = column(title)
-        if said is not None:
-            joints.setdefault(said.joint.hand, []).append((c, said))
-        elif title.strip().lower() in ROW_TITLES:
-            continue
-        elif time_unit(title) is not None:
-            found.times.append(title)
-        elif found.frame is None and is_frame_number(title):
-            found.frame = c
-        elif found.label is None and is_hand_label(title):
-            found.label = c
-        elif found.number is None and is_hand_number(title):
-            found.number = c
-        elif is_confidence(of_side(title)[1]):
-            sure.append((c, of_side(title)[0]))
-        elif may_be_hand_label(title):
-            found.maybe_label.append(c)
-        else:
-            found.unused.append(title)
+    found, joints, sure = _classified(titles)
     _refuse_meant(found, joints, titles, path)
     if None in joints and len(joints) > 1:
         _share_unsided(joints)
@@ -129,6 +107,52 @@ def read_columns(titles: list[str], path: Path) -> Columns:
     for c, hand in sure:
         for at in [hand] if hand in found.hands else list(found.hands):
             found.hands[at].confidence.setdefault(-1, c)
+    return found
+
+
+_Said = dict[Hand | None, list[tuple[int, Column]]]
+
+
+def _classified(titles: list[str]) -> tuple[Columns, _Said, list[tuple[int, Hand | None]]]:
+    """What each title is: what goes with joints, joints' columns by hand, confidences."""
+    found = Columns()
+    joints: _Said = {}
+    sure: list[tuple[int, Hand | None]] = []
+    for c, title in enumerate(titles):
+        said = column(title)
+        if said is not None:
+            joints.setdefault(said.joint.hand, []).append((c, said))
+        elif title.strip().lower() in ROW_TITLES:
+            continue
+        elif time_unit(title) is not None:
+            found.times.append(title)
+        elif found.frame is None and is_frame_number(title):
+            found.frame = c
+        elif found.label is None and is_hand_label(title):
+            found.label = c
+        elif found.number is None and is_hand_number(title):
+            found.number = c
+        elif is_confidence(of_side(title)[1]):
+            sure.append((c, of_side(title)[0]))
+        elif may_be_hand_label(title):
+            found.maybe_label.append(c)
+        else:
+            found.unused.append(title)
+    return found, joints, sure
+
+
+def other_columns(titles: list[str], taken: Iterable[int], path: Path) -> Columns:
+    """What the columns are that hold no joints, where some are known already.
+
+    Raises:
+        InputError: a title that looks like a hand or a time and is not understood.
+    """
+    known = set(taken)
+    found, joints, _ = _classified(["" if c in known else t for c, t in enumerate(titles)])
+    found.unused += [titles[c] for said in joints.values() for c, _ in said]
+    for title in found.unused:
+        if looks_meant(title) not in (None, "a joint"):
+            _refuse_meant(found, {}, titles, path)
     return found
 
 
@@ -214,7 +238,7 @@ def _of_hand(said: list[tuple[int, Column]], titles: list[str], path: Path) -> H
     places = HandColumns(named=not numbered)
     if numbered:
         numbers = {s.joint.number for s in numbered if s.joint.number is not None}
-        begin, places.n_joints = _begin(numbers, titles[said[0][0]], path)
+        begin, places.n_joints = first_number(numbers, titles[said[0][0]], path)
         joint_of = [UNUSED if s.joint.number is None else s.joint.number - begin for _, s in said]
     else:
         settled = settle(s.joint for _, s in said)
@@ -239,7 +263,7 @@ def _is_numbered(joint: JointName) -> bool:
     return joint.finger is None and joint.number is not None
 
 
-def _begin(numbers: set[int], title: str, path: Path) -> tuple[int, int]:
+def first_number(numbers: set[int], title: str, path: Path) -> tuple[int, int]:
     """The first joint's number, 0 or 1, and how many joints there are."""
     last = max(numbers)
     counts = sorted(set(ORDER_JOINTS.values()))
@@ -256,15 +280,17 @@ def _begin(numbers: set[int], title: str, path: Path) -> tuple[int, int]:
     return begin, n
 
 
+ONLY_XY = (
+    "only x and y of each joint: positions in a picture are no 3D joints (MediaPipe gives"
+    " those as world landmarks; two cameras' pictures can be triangulated)"
+)
+
+
 def _check_axes(places: HandColumns, unused: list[str], path: Path) -> None:
     there = {joint for joint, _ in places.joints}
     axes = {axis for _, axis in places.joints}
     if axes == {0, 1}:
-        raise NotJointsError(
-            "only x and y of each joint: positions in a picture are no 3D joints (MediaPipe gives"
-            " those as world landmarks; two cameras' pictures can be triangulated)",
-            path,
-        )
+        raise NotJointsError(ONLY_XY, path)
     for joint in sorted(there):
         for axis in range(3):
             if (joint, axis) not in places.joints:

@@ -4,7 +4,8 @@ With titles: a joint's name or number and an axis (`wrist_x`, `INDEX_FINGER_MCP_
 `x21`), of one hand or of both (`left_wrist_x`); beside them times, frame numbers, hands and
 confidences, under any of the names in `names`. Joints without columns are missing. A title may
 end in the unit (`wrist_x_mm`). Without titles: 63 numbers a line, 64 with a count before them,
-126 of two hands, or 21 lines of 3 numbers. Empty cells are missing.
+126 of two hands, or 21 lines of 3 numbers. Empty cells are missing. A cell may hold a place or a
+hand (`table_places`), a row one joint (`long_table`).
 
 FPHA (Garcia-Hernando et al. 2018): frame index and 63 numbers a line [mm], right hands, its own
 joint order, 30 frames a second.
@@ -13,29 +14,25 @@ joint order, 30 frames a second.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from handtrack.errors import InputError
-from handtrack.sequences.clock import Stamps
-from handtrack.sequences.names import as_side, words
 from handtrack.sequences.readers.bare_table import read_bare
-from handtrack.sequences.readers.fields import FINEST, frame_numbers
-from handtrack.sequences.readers.long_table import widened
+from handtrack.sequences.readers.fields import frame_numbers
+from handtrack.sequences.readers.long_columns import long_columns
+from handtrack.sequences.readers.long_table import read_long
 from handtrack.sequences.readers.pictures import refuse_pictures
 from handtrack.sequences.readers.raw import (
     Array,
     NotJointsError,
     Raw,
-    as_hand,
     stem,
-    take_rows,
     usable_confidence,
 )
-from handtrack.sequences.readers.table_cells import MISSING, Table, read_cells
-from handtrack.sequences.readers.table_columns import Columns, HandColumns, read_columns
-from handtrack.sequences.titles import time_unit
+from handtrack.sequences.readers.table_cells import Table, read_cells
+from handtrack.sequences.readers.table_columns import HandColumns, read_columns
+from handtrack.sequences.readers.table_rows import by_hand, label_column, stamps_in
 
 _MOST_COLUMNS = 5000
 
@@ -53,26 +50,27 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
         return read_bare(table, path)
     if table.width > _MOST_COLUMNS:
         raise NotJointsError(f"a table of {table.width} columns is of no hands", path)
-    table = widened(table)
-    titles = table.titles or []
-    columns = read_columns(titles, path)
+    long = long_columns(table, table.titles, path)
+    if long is not None:
+        return read_long(table.titles, long)
+    columns = read_columns(table.titles, path)
     if not table.lines:
         raise InputError("a header, but no frames", path)
     table.check_width()
-    stamps, note = _stamps(table, titles, columns)
+    stamps, note = stamps_in(table, table.titles, columns)
     frame = None
     if columns.frame is not None:
-        title = titles[columns.frame]
+        title = table.titles[columns.frame]
         values = table.numbers([columns.frame], [title])[:, 0]
         frame = frame_numbers(values, len(values), path, title)
-    label = _label_column(table, columns)
+    label = label_column(table, columns)
     notes = [note] if note else []
-    unused = [*columns.unused, *(titles[c] for c in columns.maybe_label if c != label)]
+    unused = [*columns.unused, *(table.titles[c] for c in columns.maybe_label if c != label)]
     if unused:
         notes.append(f"columns not used: {', '.join(unused[:8])}")
     raws = []
     for hand, places in columns.hands.items():
-        joints, confidence = _joints(table, titles, places)
+        joints, confidence = _joints(table, table.titles, places)
         raw = Raw(
             joints,
             path,
@@ -85,8 +83,8 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
             stamps=stamps,
             notes=tuple(notes),
         )
-        refuse_pictures(raw)
-        raws += _by_hand(raw, table, titles, columns, label)
+        refuse_pictures(raw, table.normalised)
+        raws += by_hand(raw, table, table.titles, columns, label)
         notes = []
     return raws
 
@@ -108,116 +106,3 @@ def _joints(table: Table, titles: list[str], places: HandColumns) -> tuple[Array
         rows = slice(None) if joint == -1 else joint
         confidence[:, rows] *= column[:, None] if joint == -1 else column
     return joints, usable_confidence(confidence)
-
-
-def _stamps(table: Table, titles: list[str], columns: Columns) -> tuple[Stamps | None, str | None]:
-    """The times, and what to say of further ones."""
-    pair = _seconds_and_nanoseconds(columns.times)
-    if pair is not None:
-        both = [table.texts(titles.index(t)) for t in pair]
-        if all(c.isdigit() for column in both for c in column):
-            values = [int(s) * 10**9 + int(ns) for s, ns in zip(*both, strict=True)]
-            return Stamps(np.array(values, dtype=np.int64), pair[0], "ns"), None
-    for unit in FINEST:
-        for title in columns.times:
-            if time_unit(title) != unit:
-                continue
-            cells = table.texts(titles.index(title))
-            if all(c.lower() in MISSING for c in cells):
-                continue
-            others = [t for t in columns.times if t != title]
-            note = f"timed by {title}, not by {', '.join(others[:4])}" if others else None
-            places = [f"line {n}" for n in table.places]
-            return Stamps(_as_numbers(cells), title, unit or None, places), note
-    return None, None
-
-
-def _seconds_and_nanoseconds(titles: list[str]) -> tuple[str, str] | None:
-    """Columns of a ROS stamp, flattened."""
-    parts = {time_unit(t): t for t in titles if words(t)[-1] not in ("time", "stamp", "timestamp")}
-    if "s" in parts and "ns" in parts and words(parts["s"])[:-1] == words(parts["ns"])[:-1]:
-        return (parts["s"], parts["ns"]) if len(words(parts["s"])) > 1 else None
-    return None
-
-
-def _as_numbers(cells: list[str]) -> Any:
-    """Numbers where all cells are, with all digits of whole ones; else the cells."""
-    if all(c.lstrip("-").isdigit() and len(c) < 20 for c in cells):
-        values = [int(c) for c in cells]  # nanoseconds of today do not fit in a float
-        return np.array(values, dtype=np.int64) if max(map(abs, values)) < 2**63 else cells
-    if max(map(len, cells)) < 18:
-        try:
-            return np.array([np.nan if c.lower() in MISSING else float(c) for c in cells])
-        except ValueError:
-            return cells
-    return cells
-
-
-def _label_column(table: Table, columns: Columns) -> int | None:
-    """The column of the hands' names: a "label" or "type" may be of something else."""
-    if columns.label is not None:
-        return columns.label
-    for c in columns.maybe_label:
-        said = [cell for cell in table.texts(c) if cell.lower() not in MISSING]
-        if said and all(as_side(cell) for cell in said):
-            return c
-    return None
-
-
-def _by_hand(
-    raw: Raw, table: Table, titles: list[str], columns: Columns, label: int | None
-) -> list[Raw]:
-    """One of each hand that the lines name or number, where the columns do not."""
-    keys: list[tuple[str, str]] = [("", "")] * len(table.lines)
-    if label is not None and raw.hand is None:
-        keys = [(_side(c, i, table, titles[label]), "") for i, c in enumerate(table.texts(label))]
-    if columns.number is not None and _doubled(keys, raw):
-        numbers = table.texts(columns.number)
-        keys = [(side, n) for (side, _), n in zip(keys, numbers, strict=True)]
-    finite = np.isfinite(raw.joints).reshape(len(raw.joints), -1)
-    seen: list[bool] = np.asarray(finite.any(axis=1)).tolist()
-    for i, (side, _) in enumerate(keys):
-        if label is not None and raw.hand is None and not side and seen[i]:
-            raise InputError(f"line {table.places[i]}: {titles[label]} is empty", raw.path)
-    groups = dict.fromkeys(
-        k for k, there in zip(keys, seen, strict=True) if there
-    ) or dict.fromkeys(keys)
-    raws = []
-    for key in groups:
-        # a line in which nothing was seen is a frame of the only hand
-        rows = [i for i, k in enumerate(keys) if k == key or (len(groups) == 1 and not seen[i])]
-        part = take_rows(raw, np.array(rows, dtype=np.int64))
-        side, number = key
-        if side in ("left", "right"):
-            part.hand = as_hand(side, raw.path)
-        elif side or number:
-            part.name = f"{raw.name} hand {side or number}" if len(groups) > 1 else raw.name
-        if side.isdigit():
-            note = f"{titles[label or 0]} is {side}: which hand that is, the fingers tell"
-            part.notes = (*part.notes, note)
-        raws.append(part)
-    return raws
-
-
-def _side(cell: str, row: int, table: Table, title: str) -> str:
-    """ "left", "right", a number, or nothing."""
-    if cell.lower() in MISSING:
-        return ""
-    if cell in ("0", "1", "0.0", "1.0"):
-        return cell[0]
-    side = as_side(cell)
-    if side is None:
-        raise InputError(
-            f"line {table.places[row]}: {title} is {cell[:40]!r}, expected left or right",
-            table.path,
-        )
-    return side
-
-
-def _doubled(keys: list[tuple[str, str]], raw: Raw) -> bool:
-    """Whether a hand is there twice at one time, so that its number tells more than its name."""
-    if not any(side for side, _ in keys):
-        return True
-    times = None if raw.stamps is None else raw.stamps.values
-    when = raw.frame_index if raw.frame_index is not None else times
-    return when is not None and len({*zip(keys, list(when), strict=True)}) < len(keys)

@@ -1,0 +1,62 @@
+"""The lines of a text table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from handtrack.errors import InputError
+from handtrack.sequences.readers.jsontext import as_utf8
+from handtrack.sequences.readers.raw import NotJointsError
+
+_LONGEST = 200_000
+_MOST_JOINED = 300
+"""So many lines a quoted cell may have."""
+
+
+def _text(data: bytes, path: Path) -> str:
+    try:
+        return as_utf8(data).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise NotJointsError(f"not UTF-8 text (byte {error.start})", path) from None
+
+
+def lines_of(data: bytes, path: Path) -> tuple[list[str], list[int], str]:
+    """Lines with something in them, their numbers, and the last comment before the first.
+
+    Raises:
+        NotJointsError: no text.
+        InputError: a line that is too long for a row.
+    """
+    text = _text(data, path)
+    lines: list[str] = []
+    places: list[int] = []
+    comment = ""
+    for number, line in _whole(text.replace("\r\n", "\n").replace("\r", "\n").split("\n")):
+        start = line.lstrip()
+        if not start:
+            continue
+        if start[0] == "#":
+            if not lines:
+                comment = start.lstrip("#").strip()
+            continue
+        if len(line) > _LONGEST:
+            raise InputError(f"line {number} has {len(line):,} letters: no row of a table", path)
+        lines.append(line)
+        places.append(number)
+    return lines, places, comment
+
+
+def _whole(lines: list[str]) -> Iterator[tuple[int, str]]:
+    """Lines with their numbers; those that a quoted cell goes over as one."""
+    at, joins = 0, True
+    while at < len(lines):
+        line, n = lines[at], 1
+        if joins and '"' in line and line.count('"') % 2:
+            more = enumerate(lines[at + 1 : at + _MOST_JOINED], 2)
+            n = next((n for n, other in more if other.count('"') % 2), 0)
+            joins = n > 0  # a quote that nothing closes
+            n = n or 1
+            line = " ".join(lines[at : at + n])
+        yield at + 1, line
+        at += n

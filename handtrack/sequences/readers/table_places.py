@@ -1,0 +1,158 @@
+"""Cells that hold a whole place, or a whole hand, as cells of one number each.
+
+    "[0.1, 0.2, 0.3]" | (0.1, 0.2, 0.3) | 0.1 0.2 0.3 | {'x': 0.1, 'y': 0.2, 'z': 0.3}
+    NormalizedLandmark(x=0.1, y=0.2, z=0.3, visibility=0.0) | x: 0.1\\ny: 0.2\\nz: 0.3
+
+as Python, NumPy, MediaPipe and protocol buffers print them; a hand is 21 of them in one cell.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from collections.abc import Sequence as Items
+from pathlib import Path
+
+from handtrack.errors import InputError
+from handtrack.hand.skeleton import ORDER_JOINTS
+from handtrack.sequences.names import words
+from handtrack.sequences.readers.raw import NotJointsError
+from handtrack.sequences.titles import of_side
+
+NORMALISED = "NormalizedLandmark"
+"""MediaPipe's name of a landmark in the picture."""
+SEPARATOR = "\x1f"
+"""Separates cells of which some held several numbers: no text holds it."""
+_EMPTY = {"", "nan", "na", "n/a", "null", "none", "-", "--", "[]", "()", "{}", "<na>"}
+_LOOK = 50
+_BRACKETS = re.compile(
+    r"\[(?:[^\[\]]|\[[^\[\]]*\])*\]|\((?:[^()]|\([^()]*\))*\)|\{(?:[^{}]|\{[^{}]*\})*\}"
+)
+_INSIDE = re.compile(r"[,;\t]")
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)\b|None\b|null\b"
+_WRAPPER = re.compile(r"(?:np\.|numpy\.)?\b(?:array|float\d*|dtype=\w+)")
+_BETWEEN = re.compile(r"[\s,;|()\[\]{}]+")
+_NAMED = re.compile(rf"(?<![a-zA-Z])([xyzXYZ])['\"]?\s*[:=]\s*(?:np\.float\d+\()?({_NUMBER})")
+_MISSING = {"none", "null"}
+_LONGEST = 20_000
+
+
+def guarded(lines: list[str]) -> list[str]:
+    """Lines whose commas inside brackets separate no cells; the same where none has any."""
+    few = [line for line in lines[1:_LOOK] if "(" in line or "[" in line or "{" in line]
+    if not few or not any(_numbers(m[0]) for line in few for m in [_BRACKETS.search(line)] if m):
+        return lines
+    return [_BRACKETS.sub(lambda m: _INSIDE.sub(" ", m[0]), line) for line in lines]
+
+
+def is_place(cell: str) -> bool:
+    """Whether a cell holds a place or a hand: some numbers, and nothing that is none."""
+    return len(_numbers(cell)) in _WIDTHS
+
+
+_WIDTHS = {3, *(3 * n for n in ORDER_JOINTS.values())}
+
+
+def _numbers(cell: str) -> list[str]:
+    """The coordinates in a cell, in threes; none where it is something else."""
+    if len(cell) > _LONGEST:
+        return []
+    named = _NAMED.findall(cell)
+    if named:
+        axes = "".join(axis.lower() for axis, _ in named)
+        return [number for _, number in named] if axes == "xyz" * (len(axes) // 3) else []
+    found = [part for part in _BETWEEN.split(_WRAPPER.sub(" ", cell)) if part]
+    return found if len(found) in _WIDTHS and all(map(_is_number, found)) else []
+
+
+def _is_number(part: str) -> bool:
+    try:
+        float(part)
+    except ValueError:
+        return part.lower() in _MISSING
+    return True
+
+
+def spread(
+    lines: list[str],
+    places: Items[int],
+    split: Callable[[str], list[str]],
+    titles: list[str] | None,
+    path: Path,
+) -> tuple[list[str], list[str] | None] | None:
+    """Lines and titles in which each coordinate has a cell of its own, cells separated by
+    `SEPARATOR`; None where no cell holds a place.
+
+    Args:
+        lines: of data.
+        places: their numbers, for messages.
+        split: a line's cells.
+        titles: of the columns.
+        path: the file.
+
+    Raises:
+        NotJointsError: cells of several numbers without a title.
+        InputError: a cell that holds no place in a column that does.
+    """
+    widths = _widths([split(line) for line in lines[:_LOOK]])
+    if not widths:
+        return None
+    if titles is not None:
+        widths = _worlds(widths, titles)
+    out = []
+    for place, line in zip(places, lines, strict=True):
+        row: list[str] = []
+        for c, cell in enumerate(split(line)):
+            width = widths.get(c)
+            if width is None:
+                row.append(cell)
+            elif cell.lower() in _EMPTY:
+                row += ["nan"] * width
+            else:
+                row += _row(cell, width, f"line {place}: column {c + 1}", path)
+        out.append(SEPARATOR.join(row))
+    return out, None if titles is None else _titles(titles, widths, path)
+
+
+def _widths(cells_of: list[list[str]]) -> dict[int, int]:
+    """How many numbers the cells of each column hold, where they hold places."""
+    widths: dict[int, int] = {}
+    for cells in cells_of:
+        for c, cell in enumerate(cells):
+            if c not in widths and cell.lower() not in _EMPTY:
+                n = len(_numbers(cell)) if len(cell) > 4 else 0
+                widths[c] = n if n in _WIDTHS else 0
+    return {c: n for c, n in widths.items() if n}
+
+
+def _worlds(widths: dict[int, int], titles: list[str]) -> dict[int, int]:
+    """Of columns of whole hands those in space, where others are in the picture."""
+    whole = [c for c, n in widths.items() if n > 3 and c < len(titles)]
+    worlds = [c for c in whole if "world" in words(titles[c])]
+    if not worlds or len(worlds) == len(whole):
+        return widths
+    return {c: n for c, n in widths.items() if c not in whole or c in worlds}
+
+
+def _row(cell: str, width: int, where: str, path: Path) -> list[str]:
+    numbers = _numbers(cell)
+    if len(numbers) != width:
+        raise InputError(f"{where} is {cell[:40]!r}, expected {width} numbers", path)
+    return ["nan" if n.lower() in _MISSING else n for n in numbers]
+
+
+def _titles(titles: list[str], widths: dict[int, int], path: Path) -> list[str]:
+    out = []
+    for c, title in enumerate(titles):
+        width = widths.get(c, 0)
+        if not width:
+            out.append(title)
+        elif width == 3:
+            out += [f"{title} {axis}" for axis in "xyz"]
+        else:
+            hand = of_side(title)[0]
+            if any(w in ("picture", "image", "pixel", "pixels") for w in words(title)):
+                raise NotJointsError(f"column {title[:40]!r} is of the picture", path)
+            begin = f"{hand} joint" if hand else "joint"
+            out += [f"{begin} {i} {axis}" for i in range(width // 3) for axis in "xyz"]
+    return out
