@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from handtrack.hand.model import HandModel
 from handtrack.video.detector import Detection
 
 
@@ -44,7 +45,9 @@ def seen(hand: str, x: float, score: float = 0.9) -> Detection:
     rng = np.random.default_rng(3)
     image = rng.uniform(-50, 50, (21, 2)) + np.array([x, 200])
     image[0], image[9] = (x, 250), (x, 150)
-    return Detection(hand, score, image, np.full((21, 3), 0.001) + rng.normal(0, 0.03, (21, 3)))
+    model = HandModel.default(hand)
+    world = model.joints(model.mean_angles) + 0.001
+    return Detection(hand, score, image, world + rng.normal(0, 0.001, (21, 3)))
 
 
 class Told:
