@@ -144,7 +144,8 @@ def words(name: str) -> tuple[str, ...]:
 
 def _split(word: str) -> list[str]:
     """A word run together ("thumbtipx", "indexmcp") as the words that it is made of."""
-    if len(word) == 3 and word[-1] in "xyz" and word[:-1] in PART:
+    run_on = word[-1] in "xyz" and (word[:-1] in PART or word[:-1] == "ext")
+    if run_on and word not in AXES:  # IPX, EXTX
         return [word[:-1], word[-1]]
     if word in _VOCABULARY or word in _KNOWN or len(word) < 4 or word.isdigit():
         return [word]

@@ -196,6 +196,8 @@ def as_frames(value: Any, path: Path, what: str = "joints") -> Array:
     array = value if isinstance(value, np.ndarray) else _nested(value, path, what)
     if array.dtype.kind not in "fiu":
         raise InputError(f"{what} holds {array.dtype}, expected numbers", path)
+    if array.ndim == 4 and array.shape[0] == 1:
+        array = array[0]  # one sequence of a batch
     if array.ndim == 4 and array.shape[1] in (1, 2) and array.shape[2] in JOINT_COUNTS:
         array = array.reshape(len(array), -1, array.shape[3])  # hands of a frame
     shape = array.shape
@@ -213,6 +215,8 @@ def as_frames(value: Any, path: Path, what: str = "joints") -> Array:
         frames = array.reshape(1, -1, 3)
     else:
         known = with_as_many(shape[1]) if array.ndim == 3 and shape[2] == 3 else ""
+        if array.ndim == 3 and shape[2] == 4:
+            known = "; a fourth number of each joint belongs under a name of its own, confidence"
         raise InputError(
             f"{what} has shape {shape}, expected (frames, 21, 3) or (frames, 63){known}", path
         )
@@ -315,6 +319,8 @@ def frame_numbers(value: Any, n: int, path: Path, what: str) -> NDArray[np.int64
 
 def _confidence(value: Any, joints: Array, path: Path) -> Array:
     given = _nested_numbers(value, path, "confidence")
+    if given.dtype.kind == "b":  # seen or not
+        given = given.astype(np.float64)
     n, per_frame = joints.shape[:2]
     if given.shape in ((per_frame,), ()) and n == 1 and given.shape != (1,):
         given = np.broadcast_to(given, (1, per_frame))

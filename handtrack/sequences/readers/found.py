@@ -3,6 +3,7 @@ joints under any of their names, or named joints themselves."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -26,6 +27,7 @@ CONTAINERS: tuple[str, ...] = (
     *("hand_tracking", "handTracking", "tracking", "detections", "people", "hand_poses", "poses"),
     *("hand", "frame"),
 )
+_3D = re.compile(r"(?<![0-9])3[dD](?![a-z])")
 _HOLDERS = frozenset(CONTAINERS)
 MOST_NAMES = 5000
 """An object of more names is no frame and no hand."""
@@ -194,6 +196,9 @@ def _joint_keys(frame: dict[str, Any]) -> list[str]:
     if worlds and len(said) > len(worlds):
         return worlds
     seen = [k for k in said if frame[k] is not None]
+    spatial = [k for k in seen if _3D.search(str(k))]
+    if spatial and len(spatial) < len(seen):
+        return spatial  # keypoints3D beside the picture's keypoints
     return seen or list(said)[:1]
 
 

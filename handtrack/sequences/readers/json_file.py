@@ -14,6 +14,7 @@ nestings of the same:
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from handtrack.sequences.readers.records import read_records
 _LISTS = ("frames", "records", "samples", "data", "recording", "sequence", "messages", "poses")
 """Names under which an object holds frames."""
 _MOST_HANDS = 4
+_NUMBER = re.compile(r"(?i)((?:frame|f|image|img|t)?[_ ]?)(\d{1,12})")
 
 
 def is_lines(data: bytes) -> bool:
@@ -120,7 +122,21 @@ def _object(value: dict[str, Any], path: Path) -> list[Raw]:
             continue
         if not are_points(frames) and any(hands_in(f) for f in frames):
             return _frames(frames, path, value)
+    numbered = _numbered(value)
+    if numbered:
+        return _frames(numbered, path, {})
     found = hands_in(value)
     if any(isinstance(f.value, dict | list) and are_points(f.value) for f in found):
         return read_records([value], ["the object"], path)
     return [raw for fields in of_sides(value) for raw in two_hands(from_fields(fields, path))]
+
+
+def _numbered(value: dict[str, Any]) -> list[Any]:
+    """Frames under their numbers ("12", "frame_0012"), each with it; none where it is not so."""
+    said = [_NUMBER.fullmatch(key) for key in value]
+    if len(value) < 2 or not all(said) or len({m[1].lower() for m in said if m is not None}) > 1:
+        return []
+    if not all(v is None or (isinstance(v, list) and are_points(v)) for v in value.values()):
+        return []
+    numbers = {int(m[2]): v for m, v in zip(said, value.values(), strict=True) if m is not None}
+    return [{"frame": n, "joints": numbers[n]} for n in sorted(numbers)]

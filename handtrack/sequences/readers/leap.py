@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -20,14 +20,22 @@ from handtrack.errors import InputError
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.readers.jsontext import decode, misfit
-from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, as_fps, stem, within
+from handtrack.sequences.readers.raw import (
+    Array,
+    NotJointsError,
+    Raw,
+    as_fps,
+    as_hand,
+    stem,
+    within,
+)
 
 Point = tuple[float, float, float]
 
 
 class _LeapHand(msgspec.Struct):
     id: int
-    type: Literal["left", "right"] | None = None
+    type: str | None = None
     confidence: float | None = None
     wrist: Point | None = None
 
@@ -100,7 +108,8 @@ def read_leap(data: bytes, path: Path) -> list[Raw]:
             joints = _joints(hand, fingers, f"frames[{number}]", path)
             if np.isnan(joints).all():
                 continue
-            track = _track(seen.setdefault(hand.type, []), hand.id, busy)
+            label = as_hand(hand.type, path, f"frames[{number}]: the type of hand {hand.id}")
+            track = _track(seen.setdefault(label, []), hand.id, busy)
             busy.append(track)
             track.frame.append(number)
             track.joints.append(joints)

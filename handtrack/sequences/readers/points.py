@@ -93,6 +93,13 @@ def read_points(value: Any, place: str, path: Path) -> Points:
     if key is not None and isinstance(some, dict) and isinstance(some[key], str):
         pairs = [v for v in value if isinstance(v, dict)]
         return _named({str(v.get(key)): v for v in pairs}, place, path)
+    if isinstance(some, dict) and key is not None:
+        # numbered points stand in the order of their numbers
+        numbers = [v.get(key) if isinstance(v, dict) else None for v in value]
+        for begin in (0, 1):
+            if sorted(map(str, numbers)) == sorted(map(str, range(begin, begin + len(value)))):
+                value = [value[numbers.index(i)] for i in range(begin, begin + len(value))]
+                break
     return _list(value, place, path)
 
 

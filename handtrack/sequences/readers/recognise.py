@@ -113,6 +113,12 @@ def _read_json(data: bytes, path: Path) -> list[Raw]:
         return read_json(data, path)
     fields = decode(data, dict[str, msgspec.Raw], path)
     if "people" in fields:
+        if b"keypoints_" in bytes(fields["people"]):
+            raise NotJointsError(
+                "OpenPose's key points are places in a picture, not joints in space: triangulate"
+                " those of two cameras, or fit the video itself (handtrack track VIDEO)",
+                path,
+            )
         return panoptic.read_file(data, path)
     if "frames" in fields and leap.is_leap(data):
         return leap.read_leap(data, path)
