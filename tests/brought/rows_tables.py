@@ -17,7 +17,7 @@ from made_files import (
     npy,
     npz,
 )
-from made_hands import Brought, both, brought, scaled, timed
+from made_hands import Brought, both, brought, scaled, timed, unsure
 from made_names import NAMES
 from rows import DOUBT, REFUSED, Table
 
@@ -233,3 +233,57 @@ ROWS.add("names", "json pandas split", plain, split, "a.json", DOUBT, "joints|co
 ROWS.add("names", "json pandas records", plain, records, "a.json", DOUBT, "joints|x0")
 four = plain.but(joints=np.concatenate([plain.joints, np.ones((45, 21, 1))], 2))
 ROWS.add("names", "npy x y z visibility", four, npy, "a.npy", DOUBT, r"\(45, 21, 4\)|fourth|4th")
+
+
+# ---- a hand's name for each frame, numbers of points, what was seen as true and false ----
+
+
+def in_turn(path: Path, b: Brought, key: str, words: tuple[object, object]) -> Path:
+    """Frames of left and right in turn in one array, as detectors of pictures give them."""
+    assert b.other is not None
+    joints = np.stack([b.joints, b.other.joints], 1).reshape(-1, 21, 3)
+    frame = np.repeat(np.arange(len(b.joints)), 2)
+    np.savez(path, joints=joints, frame=frame, **{key: np.array(list(words) * len(b.joints))})
+    return path
+
+
+for key, pair in (("hand", ("left", "right")), ("is_right", (0, 1)), ("handedness", ("L", "R"))):
+    ROWS.add("names", f"npz {key} of each frame", both(), in_turn, "a.npz", key=key, words=pair)
+sure = unsure(right)
+
+
+def seen(path: Path, b: Brought, key: str) -> Path:
+    assert b.confidence is not None
+    np.savez(path, joints=b.joints, **{key: b.confidence > 0})
+    return path
+
+
+ROWS.add("marks", "npz valid, true and false", sure, seen, "a.npz", key="valid")
+ROWS.add("marks", "npz visible, true and false", sure, seen, "a.npz", key="visible")
+
+
+def by_id(path: Path, b: Brought, begin: int) -> Path:
+    """Points in any order, each with its number."""
+    order = np.random.default_rng(1).permutation(21)
+    lines = []
+    for frame in b.joints:
+        points = [
+            {"id": int(i) + begin} | dict(zip("xyz", map(float, frame[i]), strict=True))
+            for i in order
+        ]
+        lines.append(json.dumps({"hand": "left", "joints": points}))
+    path.write_text("\n".join(lines))
+    return path
+
+
+for begin in (0, 1):
+    ROWS.add("stated", f"points by id from {begin}", left, by_id, "a.jsonl", begin=begin)
+
+
+def openpose(path: Path, b: Brought) -> Path:
+    flat = np.concatenate([b.joints[0, :, :2] * 500, np.ones((21, 1))], 1).ravel().tolist()
+    path.write_text(json.dumps({"version": 1.3, "people": [{"hand_right_keypoints_2d": flat}]}))
+    return path
+
+
+ROWS.add("skeleton", "OpenPose's picture", right, openpose, "a.json", REFUSED, "picture")

@@ -125,7 +125,7 @@ def test_packed_form(write, left, right):
     [
         (lambda f: f.clear(), "frames is empty"),
         (lambda f: f[3]["hands"][0].pop("type"), r"frames\[3\]: hand 7 has no type"),
-        (lambda f: f[3]["hands"][0].update(type="up"), r"frames\[3\]: invalid enum value 'up'"),
+        (lambda f: f[3]["hands"][0].update(type="up"), r"frames\[3\]: the type of hand 7 is 'up'"),
         (lambda f: f[3]["pointables"][2].update(type=9), r"frames\[3\]: a finger's type is 9"),
         (
             lambda f: f[3]["pointables"][2].update(pipPosition=[1, 2]),
