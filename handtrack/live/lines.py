@@ -18,7 +18,8 @@ from handtrack.sequences.assemble import Given, assemble
 from handtrack.sequences.clock import Stamps, read_clock
 from handtrack.sequences.readers.found import is_blank
 from handtrack.sequences.readers.jsontext import decode
-from handtrack.sequences.readers.records import read_records, stamps_of
+from handtrack.sequences.readers.record_times import stamps_of
+from handtrack.sequences.readers.records import read_records
 
 Array = NDArray[np.float64]
 _WAITING = 1000

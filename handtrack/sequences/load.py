@@ -137,7 +137,14 @@ def _finish(
     ]
     labels = [raw.hand for raw in seen]
     both = {"left", "right"} <= {raw.hand for raw in raws}
-    sequences = label_hands(sequences, labels, [raw.tagged for raw in seen], choice, both)
+    sequences = label_hands(
+        sequences,
+        labels,
+        [raw.tagged for raw in seen],
+        choice,
+        both,
+        [raw.by_number for raw in seen],
+    )
     if not sequences:
         raise InputError(f"every joint of the {choice} hand is missing", raws[0].path)
     if len(seen) < len(raws):

@@ -64,6 +64,7 @@ class Raw:
         truth: (T, N, 3) like the joints, or None.
         subject: who.
         mano: MANO parameters that the joints are still to be made from, or None.
+        by_number: the source tells its hands apart by numbers, and does not say which is which.
         tagged: the name gets the hand appended even where it is the only one.
         notes: for the user, one line each.
     """
@@ -82,6 +83,7 @@ class Raw:
     truth: Array | None = None
     subject: str = ""
     mano: ManoValues | None = None
+    by_number: bool = False
     tagged: bool = False
     notes: tuple[str, ...] = ()
 

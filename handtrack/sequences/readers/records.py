@@ -12,13 +12,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import Hand
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import words
-from handtrack.sequences.readers.fields import FINEST, RATES, UNIT_KEYS, as_frames, frame_numbers
+from handtrack.sequences.readers.fields import RATES, UNIT_KEYS, as_frames
 from handtrack.sequences.readers.found import Found, hands_in, names_hands, side_of
 from handtrack.sequences.readers.pictures import refuse_pictures
 from handtrack.sequences.readers.points import are_points, read_points
@@ -32,9 +31,8 @@ from handtrack.sequences.readers.raw import (
     stem,
     usable_confidence,
 )
-from handtrack.sequences.titles import is_frame_number, looks_meant, time_unit
-
-_HEADERS = ("header", "stamp", "meta", "metadata")
+from handtrack.sequences.readers.record_times import frame_index_of, stamps_of
+from handtrack.sequences.titles import looks_meant, time_unit
 
 
 class Key(NamedTuple):
@@ -82,6 +80,7 @@ def read_records(
         joints, confidence = _joints(hand, places, path)
         raw = Raw(joints, path, str(said["name"] or stem(path)), hand=key.hand)
         raw.confidence = confidence
+        raw.by_number = key.hand is None and any(_is_number(f.label) for f in hand.found.values())
         units = {f.unit for f in hand.found.values() if f.value is not None and f.unit}
         if len(units) > 1:
             raise InputError("the joints' names state different units", path)
@@ -98,7 +97,7 @@ def read_records(
         at = [places[i] for i in hand.rows]
         own = stamps_of(rows, at) or stamps_of(inside, at)
         raw.stamps = own or (None if logged is None else logged.take(hand.rows))
-        raw.frame_index = _frame_index(rows, path)
+        raw.frame_index = frame_index_of(rows, path)
         if not any(f.key and "world" in words(f.key) for f in hand.found.values()):
             refuse_pictures(raw)
         raws.append(raw)
@@ -159,12 +158,16 @@ def _key(found: Found, place: str, path: Path, about: dict[str, Any]) -> Key:
         return Key(None, found.number)
     side = side_of(label)
     if side is None:
-        if str(label) in ("0", "1") and not isinstance(label, str | bool):
+        if _is_number(label):
             return Key(None, found.number or str(label))
         if isinstance(label, list) and not label:
             return Key(None, found.number)
         return Key(as_hand(label, path, f"{place}: hand"), found.number)
     return Key(side, found.number)
+
+
+def _is_number(label: Any) -> bool:
+    return isinstance(label, int | float) and not isinstance(label, bool) and label in (0, 1)
 
 
 def _check_kinds(
@@ -269,69 +272,6 @@ def _whole_confidence(given: list[Found], places: list[str], n: int, path: Path)
             raise InputError(f"{place}: confidence has shape {array.shape}, expected ({n},)", path)
         row[:] = array
     return rows
-
-
-def stamps_of(frames: Items[Any], places: Items[str]) -> Stamps | None:
-    """The times that frames hold; None where none does."""
-    columns: dict[tuple[str, ...], None] = {}
-    for frame in frames:
-        if not isinstance(frame, dict):
-            continue
-        for key, value in frame.items():
-            if value is None or isinstance(value, bool | list):
-                continue
-            if isinstance(value, dict) and key in _HEADERS and not _is_ros(value):
-                columns |= {(key, k): None for k, v in value.items() if _is_time(k, v)}
-            elif _is_time(key, value):
-                columns[(key,)] = None
-    if not columns:
-        return None
-    keys = min(columns, key=lambda c: FINEST.index(time_unit(c[-1]) or ""))
-    values = []
-    for frame in frames:
-        value = frame
-        for key in keys:
-            value = value.get(key) if isinstance(value, dict) else None
-        values.append(value)
-    unit = time_unit(keys[-1])
-    return Stamps(values, keys[-1], unit or None, list(places))
-
-
-def _is_time(key: str, value: Any) -> bool:
-    if isinstance(value, bool | list) or value is None or time_unit(str(key)) is None:
-        return False
-    return not isinstance(value, dict) or _is_ros(value)
-
-
-def _is_ros(value: dict[str, Any]) -> bool:
-    return any(k in value for k in ("sec", "secs")) and len(value) <= 2
-
-
-def _frame_index(frames: Items[Any], path: Path) -> NDArray[np.int64] | None:
-    """Frame numbers, where the frames have them; between neighbours' where one has nothing."""
-    key = next(
-        (
-            k
-            for f in frames
-            if isinstance(f, dict)
-            for k, v in f.items()
-            if is_frame_number(str(k)) and isinstance(v, int | float)
-        ),
-        None,
-    )
-    if key is None:
-        return None
-    given = [f.get(key) if isinstance(f, dict) else None for f in frames]
-    known = [i for i, v in enumerate(given) if v is not None]
-    numbers = frame_numbers([given[i] for i in known], len(known), path, key)
-    if len(known) == len(given):
-        return numbers
-    out = np.interp(np.arange(len(given)), known, numbers.astype(np.float64))
-    out += np.minimum(np.arange(len(given)) - known[0], 0)
-    out += np.maximum(np.arange(len(given)) - known[-1], 0)
-    if (out != np.round(out)).any() or (np.diff(out) <= 0).any():
-        return None
-    return out.astype(np.int64)
 
 
 def _refuse_meant(values: Items[Any], places: Items[str], path: Path) -> None:

@@ -101,6 +101,7 @@ def by_hand(
         elif side or number:
             part.name = f"{raw.name} hand {side or number}" if len(groups) > 1 else raw.name
         if side.isdigit():
+            part.by_number = True
             note = f"{titles[label or 0]} is {side}: which hand that is, the fingers tell"
             part.notes = (*part.notes, note)
         raws.append(part)
