@@ -14,7 +14,7 @@ PACKAGE = ROOT / "handtrack"
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if not p.name.endswith("_pb2.py"))
 
 ORDER = (
-    *("errors", "files", "hand", "kernels", "cameras", "mcap", "sequences", "fitting"),
+    *("errors", "files", "kernels", "hand", "cameras", "mcap", "sequences", "fitting"),
     *("calibration", "tracking", "recording", "viewer", "exporting", "evaluation", "video", "live"),
     "cli",
 )

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.calibration.bundle import turning
 from handtrack.hand.limits import Limits
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import about_axis
-from handtrack.hand.skeleton import BASES
+from handtrack.hand.skeleton import BASES, N_JOINTS
+
+if TYPE_CHECKING:
+    from handtrack.kernels.kinematics import Placed
 
 Array = NDArray[np.float64]
 
@@ -94,57 +97,40 @@ class Chains:
 
     def points(self, shared: Array, local: Array) -> Array:
         """(T, 5, 4, 3) joints of the fingers, base to tip, for angles (T, 5, 4)."""
-        return self._chain(shared, local)[0]
+        return _fingers(self._placed(shared, local))
 
-    def _chain(self, shared: Array, local: Array) -> tuple[Array, ...]:
+    def _placed(self, shared: Array, local: Array) -> Placed:
+        """The hand with these constants, its wrist at the origin."""
+        from handtrack.kernels.kinematics import place_poses
+
         base, bones, axes = self.constants(shared)
-        single = about_axis(axes, local)
-        saddle = single[..., 0, :, :] @ single[..., 1, :, :]
-        if self.twist:
-            bone = bones[0, 0] / np.linalg.norm(bones[0, 0])
-            saddle[:, 0] = saddle[:, 0] @ about_axis(bone, self.twist * local[:, 0, 1])
-        first = saddle @ single[..., 2, :, :]
-        second = first @ single[..., 3, :, :]
-        turned = np.stack([saddle, first, second], 2)
-        points = np.empty((*local.shape[:2], 4, 3))
-        points[..., 0, :] = base
-        points[..., 1:, :] = np.einsum("tfixy,fiy->tfix", turned, bones)
-        return points.cumsum(2), single, turned, axes, bones
+        rest = np.zeros((N_JOINTS, 3))
+        rest[1:] = np.concatenate([base[:, None], bones], 1).cumsum(1).reshape(-1, 3)
+        return place_poses(rest, axes.reshape(-1, 3), self.twist, local.reshape(len(local), -1))
 
     def linearised(self, shared: Array, local: Array) -> tuple[Array, Array, Array]:
         """Points, and their derivatives (T, 5, 4, 3, 4) by angles and (..., 20) by constants."""
-        points, single, turned, axes, bones = self._chain(shared, local)
-        saddle, first = turned[:, :, 0], turned[:, :, 1]
-        n = len(points)
+        placed = self._placed(shared, local)
+        points, n = _fingers(placed), len(local)
+        turned = placed.parts[:, 1:].reshape(n, 5, 3, 3, 3)
+        turning = placed.axes.reshape(n, 5, 4, 3)
+        axes = self.constants(shared)[2]
         by_angle = np.zeros((n, 5, 4, 3, 4))
         by_shared = np.zeros((n, 5, 4, 3, SIZE))
         by_shared[..., :3] = np.eye(3)
         for i in range(3):
             by_shared[:, :, i + 1 :, :, 3 + 3 * i : 6 + 3 * i] = turned[:, :, None, i]
-        # each axis where the rotations before it have brought it, and the joint it passes
-        before = (None, single[:, :, 0], saddle, first)
+        # what has turned each axis, and the ways that it can move
+        unturned = np.broadcast_to(np.eye(3), (n, 5, 3, 3))
+        before = (unturned, about_axis(axes[:, 0], local[..., 0]), turned[:, :, 0], turned[:, :, 1])
         charts = self._charts(shared)
         for a in range(4):
             joint = max(a - 1, 0)
             q = points[:, :, joint + 1 :] - points[:, :, joint : joint + 1]
-            outer = before[a]
-            axis = np.broadcast_to(axes[:, a], (n, 5, 3))
-            if outer is not None:
-                axis = np.einsum("tfxy,tfy->tfx", outer, axis)
-                q_in = q @ outer
-            else:
-                q_in = q
-            speed = axis
-            if a == 1 and self.twist:
-                bone = bones[0, 0] / np.linalg.norm(bones[0, 0])
-                speed = axis.copy()
-                speed[:, 0] += self.twist * (saddle[:, 0] @ bone)
-            by_angle[:, :, joint + 1 :, :, a] = np.cross(speed[:, :, None], q)
-            # v is what the axis turns, before it turns it
-            v = np.einsum("tfyx,tfjy->tfjx", single[:, :, a], q_in)
-            moved = _by_axis(axes[:, a], local[..., a], v) @ charts[None, :, None, a]
-            if outer is not None:
-                moved = outer[:, :, None] @ moved
+            by_angle[:, :, joint + 1 :, :, a] = np.cross(turning[:, :, None, a], q)
+            turn = _turn_by_axis(axes[:, a], local[..., a], charts[:, a])
+            turn = (before[a] @ turn).swapaxes(-1, -2)
+            moved = np.cross(turn[:, :, None], q[..., None, :]).swapaxes(-1, -2)
             by_shared[:, :, joint + 1 :, :, AXES + 2 * a : AXES + 2 * a + 2] = moved
         return points, by_angle, by_shared
 
@@ -171,15 +157,18 @@ class Chains:
         return cost, loose * away + strict * outside, loose + strict * (outside != 0)
 
 
-def _by_axis(axis: Array, angle: Array, v: Array) -> Array:
-    """(T, 5, J, 3, 3) derivative of exp(axis angle) v by the axis (Rodrigues' formula).
+def _fingers(placed: Placed) -> Array:
+    return placed.joints[..., 1:, :].reshape(-1, 5, 4, 3)
+
+
+def _turn_by_axis(axis: Array, angle: Array, move: Array) -> Array:
+    """(T, 5, 3, 2) small turns on the left of exp(axis angle) as the axis moves.
+
+    Turning the axis n by a = n x d makes of R = exp(n phi) exp(a) R exp(-a), that is R after a
+    turn by a - R a = sin(phi) d + (1 - cos(phi)) n x d.
 
     Args:
-        axis: (5, 3); angle: (T, 5) [rad]; v: (T, 5, J, 3).
+        axis: (5, 3); angle: (T, 5) [rad]; move: (5, 3, 2) moves d at right angles to the axis.
     """
-    c = 1.0 - np.cos(angle)[..., None, None, None]
-    s = np.sin(angle)[..., None, None, None]
-    n = np.broadcast_to(axis[:, None], v.shape)
-    along = (n * v).sum(-1)[..., None, None]
-    outer = n[..., :, None] * v[..., None, :]
-    return np.asarray(s * turning(v) + c * (along * np.eye(3) + outer))
+    s, c = np.sin(angle)[..., None, None], np.cos(angle)[..., None, None]
+    return np.asarray(s * move + (1.0 - c) * np.cross(axis[:, :, None], move, axis=1))

@@ -74,51 +74,11 @@ class Limits:
             angles: (..., 20) [rad].
 
         Returns:
-            A new array (..., 20) [rad].
+            A new array (..., 20) [rad]; NaN stays NaN.
         """
-        angles = np.asarray(angles, dtype=np.float64)
-        out = np.clip(angles, self.lower, self.upper)
-        pairs = angles.reshape(*angles.shape[:-1], 5, 4)[..., :2]
-        low, high = self.lower.reshape(5, 4)[:, :2], self.upper.reshape(5, 4)[:, :2]
-        axes = np.where(pairs < 0, -low, high)
-        outside = ((pairs / axes) ** 2).sum(-1) > 1
-        if outside.any():
-            saddles = out.reshape(*out.shape[:-1], 5, 4)[..., :2]
-            saddles[outside] = nearest_on_ellipse(pairs[outside], axes[outside])
-        return np.asarray(out)
+        from handtrack.kernels.limits import clamp_poses
 
-
-def nearest_on_ellipse(points: ArrayLike, axes: ArrayLike) -> NDArray[np.float64]:
-    """Nearest point of an axis-aligned ellipse to each point outside it, by Newton-Raphson.
-
-    The nearest point is x_i = a_i^2 p_i / (a_i^2 + t) with the t >= 0 that solves
-    sum_i (a_i p_i / (a_i^2 + t))^2 = 1. The left side is convex and decreasing in t, so
-    Newton's method from a t below the root climbs to it and never overshoots.
-
-    Args:
-        points: (..., 2) outside the ellipse or on it.
-        axes: (..., 2) positive semi-axes.
-
-    Returns:
-        (..., 2), in the quadrant of each point.
-    """
-    p = np.asarray(points, dtype=np.float64)
-    a = np.asarray(axes, dtype=np.float64)
-    a2, ap2 = a * a, (a * p) ** 2
-    # the larger axis bounds the root from below
-    t = np.maximum(np.sqrt(ap2.sum(-1)) - a2.max(-1), 0.0)
-    for _ in range(60):
-        d = a2 + t[..., None]
-        g = (ap2 / d**2).sum(-1) - 1.0
-        slope = -2.0 * (ap2 / d**3).sum(-1)
-        step = np.where(slope < 0, -g / np.where(slope < 0, slope, 1.0), 0.0)
-        t = t + np.maximum(step, 0.0)
-        if np.all(step <= 1e-15 * (1.0 + t)):
-            break
-    x = a2 * p / (a2 + t[..., None])
-    # the last rounding must not leave the point outside
-    norm = np.sqrt(((x / a) ** 2).sum(-1, keepdims=True))
-    return np.asarray(x / np.maximum(norm, 1.0))
+        return clamp_poses(self.lower, self.upper, np.asarray(angles, dtype=np.float64))
 
 
 def _preset(name: str, rows: dict[str, tuple[float, ...]]) -> Limits:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import ModelError
 from handtrack.hand.limits import DEFAULT_LIMITS, Limits, preset
-from handtrack.hand.rotations import about_axis
 from handtrack.hand.skeleton import (
     HANDS,
     N_ANGLES,
@@ -23,6 +23,9 @@ from handtrack.hand.skeleton import (
     Hand,
 )
 from handtrack.hand.skinning import Skinning
+
+if TYPE_CHECKING:
+    from handtrack.kernels.kinematics import Placed
 
 Array = NDArray[np.float64]
 
@@ -236,25 +239,15 @@ class HandModel:
         Args:
             angles: (..., 20) [rad].
         """
+        return self._placed(angles).parts
+
+    def _placed(self, angles: ArrayLike) -> Placed:
+        from handtrack.kernels.kinematics import place_poses
+
         angles = np.asarray(angles, dtype=np.float64)
         if angles.shape[-1:] != (N_ANGLES,):
             raise ModelError(f"angles have shape {angles.shape}, expected (..., 20)")
-        single = about_axis(self.axes, angles)
-        out = np.empty((*angles.shape[:-1], N_PARTS, 3, 3))
-        out[..., 0, :, :] = np.eye(3)
-        for f in range(5):
-            a, part = 4 * f, 1 + 3 * f
-            out[..., part, :, :] = single[..., a, :, :] @ single[..., a + 1, :, :]  # eq. 2
-            if f == 0 and self.thumb_twist:
-                # the turned bone's axis on the left is the resting bone's on the right
-                bone = self.rest_joints[2] - self.rest_joints[1]
-                inner = about_axis(bone / np.linalg.norm(bone), self.thumb_twist * angles[..., 1])
-                out[..., part, :, :] = out[..., part, :, :] @ inner
-            for i in (1, 2):
-                out[..., part + i, :, :] = (  # eq. 1 and 4
-                    out[..., part + i - 1, :, :] @ single[..., a + 1 + i, :, :]
-                )
-        return out
+        return place_poses(self.rest_joints, self.axes, self.thumb_twist, angles)
 
     @staticmethod
     def local_rotations(rotations: Array) -> Array:
@@ -275,19 +268,8 @@ class HandModel:
         Returns:
             rotations (..., 16, 3, 3) and positions (..., 16, 3) of the parts' joints [m].
         """
-        rotations = self.rotations(angles)
-        return rotations, self._chain(rotations)[..., PART_JOINT, :]
-
-    def _chain(self, rotations: Array) -> Array:
-        joints = np.empty((*rotations.shape[:-3], N_JOINTS, 3))
-        rest = self.rest_joints
-        joints[..., PALM, :] = rest[PALM]
-        for f in range(5):
-            for i in range(3):
-                k, part = 4 * f + 1 + i, 1 + 3 * f + i
-                bone = rotations[..., part, :, :] @ (rest[k + 1] - rest[k])
-                joints[..., k + 1, :] = joints[..., k, :] + bone  # eq. 5
-        return joints
+        placed = self._placed(angles)
+        return placed.parts, placed.joints[..., PART_JOINT, :]
 
     def joints(
         self, angles: ArrayLike, rotation: ArrayLike | None = None, translation: ArrayLike = 0.0
@@ -302,7 +284,7 @@ class HandModel:
         Returns:
             (..., 21, 3) [m], world frame.
         """
-        return _place(self._chain(self.rotations(angles)), rotation, translation)
+        return _place(self._placed(angles).joints, rotation, translation)
 
     def vertices(
         self, angles: ArrayLike, rotation: ArrayLike | None = None, translation: ArrayLike = 0.0

@@ -10,14 +10,9 @@ Array = NDArray[np.float64]
 
 def about_axis(axis: ArrayLike, angle: ArrayLike) -> Array:
     """Rotation matrices (..., 3, 3) about unit axes (..., 3) by angles (...) [rad] (Rodrigues)."""
-    n = np.asarray(axis, dtype=np.float64)
-    angle = np.asarray(angle, dtype=np.float64)
-    c, s = np.cos(angle)[..., None, None], np.sin(angle)[..., None, None]
-    x, y, z = n[..., 0], n[..., 1], n[..., 2]
-    o = np.zeros_like(x)
-    cross = np.stack([o, -z, y, z, o, -x, -y, x, o], -1).reshape(*n.shape[:-1], 3, 3)
-    outer = n[..., :, None] * n[..., None, :]
-    return np.asarray(c * np.eye(3) + s * cross + (1 - c) * outer)
+    from handtrack.kernels.turns import turns_about
+
+    return turns_about(np.asarray(axis, dtype=np.float64), np.asarray(angle, dtype=np.float64))
 
 
 def matrix_to_quaternion(matrix: ArrayLike) -> Array:

@@ -16,6 +16,15 @@ def load_model(w, rest, axes, lower, upper, twist):
     Args:
         rest: (21, 3) [m]; axes: (20, 3); lower, upper: (20,) [rad]; twist: of the thumb.
     """
+    load_skeleton(w, rest, axes, twist)
+    for f in range(FINGERS):
+        for a in range(ANGLES):
+            w.lower[a, f], w.upper[a, f] = lower[4 * f + a], upper[4 * f + a]
+
+
+@inline
+def load_skeleton(w, rest, axes, twist):
+    """The constants without the limits."""
     for f in range(FINGERS):
         for b in range(BONES):
             bone = sub(row(rest, 4 * f + b + 2), row(rest, 4 * f + b + 1))
@@ -29,7 +38,6 @@ def load_model(w, rest, axes, lower, upper, twist):
         for a in range(ANGLES):
             for i in range(3):
                 w.rest_axis[a, i, f] = axes[4 * f + a, i]
-            w.lower[a, f], w.upper[a, f] = lower[4 * f + a], upper[4 * f + a]
     w.twist[0] = twist
     for i in range(3):
         w.joint[BASE, i, WRIST] = rest[0, i]

@@ -2,16 +2,47 @@
 
 from __future__ import annotations
 
-from handtrack.kernels.compiled import inline
-from handtrack.kernels.vectors import add, cos_sin, lane, put_lane, rotate
-from handtrack.kernels.workspace import ABDUCTION, BASE, FLEXION, HINGE_1, HINGE_2, LANES
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.kernels.compiled import inline, kernel
+from handtrack.kernels.exchange import load_skeleton, store_joints
+from handtrack.kernels.vectors import add, cos_sin, lane, put_column, put_lane, reduced, rotate
+from handtrack.kernels.workspace import (
+    ABDUCTION,
+    ANGLES,
+    BASE,
+    BONES,
+    FINGERS,
+    FLEXION,
+    HINGE_1,
+    HINGE_2,
+    LANES,
+    WORK,
+)
+
+Array = NDArray[np.float64]
+
+_UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @inline
 def rotation_about(w, a, f):
     """Angle a's rotation exp(n_a phi_a) in lane f: axis, cosine and sine (eq. 1)."""
-    c, s = cos_sin(w.angle[a, f])
+    c, s = cos_sin(reduced(w.angle[a, f]))
     return lane(w.rest_axis, a, f), c, s
+
+
+@inline
+def rotations_of(w, f):
+    """Lane f's rotations: flexion, abduction, the inner turn about the first bone, two hinges."""
+    z, y = rotation_about(w, FLEXION, f), rotation_about(w, ABDUCTION, f)
+    first, second = rotation_about(w, HINGE_1, f), rotation_about(w, HINGE_2, f)
+    e = (w.rest_along[0, f], w.rest_along[1, f], w.rest_along[2, f])
+    c, s = cos_sin(reduced(w.twist[f] * w.angle[ABDUCTION, f]))
+    return z, y, (e, c, s), first, second
 
 
 @inline
@@ -29,11 +60,7 @@ def place_fingers(w):
     the bone behind joint i, x_(i+1) = x_i + A_i b_i (eq. 5).
     """
     for f in range(LANES):
-        z, y = rotation_about(w, FLEXION, f), rotation_about(w, ABDUCTION, f)
-        first, second = rotation_about(w, HINGE_1, f), rotation_about(w, HINGE_2, f)
-        e = (w.rest_along[0, f], w.rest_along[1, f], w.rest_along[2, f])
-        c, s = cos_sin(w.twist[f] * w.angle[ABDUCTION, f])
-        inner = e, c, s
+        z, y, inner, first, second = rotations_of(w, f)
         # from the tip inwards: each joint turns all that hangs on it
         tip_bone = about(inner, about(first, about(second, lane(w.rest_bone, 2, f))))
         middle_bone = about(inner, about(first, lane(w.rest_bone, 1, f)))
@@ -42,7 +69,7 @@ def place_fingers(w):
         base_bone = about(z, about(y, lane(w.rest_bone, 0, f)))
         middle_bone, tip_bone = about(z, about(y, middle_bone)), about(z, about(y, tip_bone))
         axis_1, axis_2 = about(z, about(y, axis_1)), about(z, about(y, axis_2))
-        e = about(z, about(y, e))
+        e = about(z, about(y, inner[0]))
         axis_y, twist = about(z, y[0]), w.twist[f]
         for i in range(3):
             w.axis[FLEXION, i, f] = z[0][i]
@@ -55,3 +82,77 @@ def place_fingers(w):
         x = add(x, middle_bone)
         put_lane(w.joint, 2, f, x)
         put_lane(w.joint, 3, f, add(x, tip_bone))
+
+
+@inline
+def store_parts(w, out):
+    """Accumulated rotations A_i (16, 3, 3) of the palm and of three parts a finger (eq. 4)."""
+    for k in range(3):
+        put_column(out[0], k, _UNITS[k])
+    for f in range(FINGERS):
+        z, y, inner, first, second = rotations_of(w, f)
+        for k in range(3):
+            hinged = about(first, _UNITS[k]), about(first, about(second, _UNITS[k]))
+            turned = _UNITS[k], hinged[0], hinged[1]
+            for i in range(BONES):
+                v = about(z, about(y, about(inner, turned[i])))
+                put_column(out[1 + BONES * f + i], k, v)
+
+
+@kernel
+def place_all(rest, axes, twist, angles, joints, parts, turning):
+    """`place_poses` of poses in one row."""
+    works = np.zeros(1, dtype=WORK)
+    w = works[0]
+    load_skeleton(w, rest, axes, twist)
+    for i in range(3):
+        w.rotation[i, i] = 1.0
+    for n in range(len(angles)):
+        for f in range(FINGERS):
+            for a in range(ANGLES):
+                w.angle[a, f] = angles[n, ANGLES * f + a]
+        place_fingers(w)
+        store_joints(w, joints[n])
+        store_parts(w, parts[n])
+        for f in range(FINGERS):
+            for a in range(ANGLES):
+                for i in range(3):
+                    turning[n, ANGLES * f + a, i] = w.axis[a, i, f]
+
+
+class Placed(NamedTuple):
+    """Poses in the root frame.
+
+    Attributes:
+        joints: (..., 21, 3), in the unit of the skeleton at rest.
+        parts: (..., 16, 3, 3) accumulated rotations A_k of the palm and the fingers' parts.
+        axes: (..., 20, 3) what each angle turns about: its axis, where the rotations before it
+            have brought it, and with the thumb's abduction the twist about its own bone.
+    """
+
+    joints: Array
+    parts: Array
+    axes: Array
+
+
+def place_poses(rest: Array, axes: Array, twist: float, angles: Array) -> Placed:
+    """Forward kinematics of any number of poses, called from Python.
+
+    Args:
+        rest: (21, 3) joints at rest; axes: (20, 3) unit vectors; twist: of the thumb, see
+            `HandModel`.
+        angles: (..., 20) [rad], of any size; a finger with a NaN is NaN from there on.
+    """
+    lead = angles.shape[:-1]
+    # copies: one type of arrays, so that one machine code does
+    flat = np.array(angles, dtype=np.float64, order="C").reshape(-1, ANGLES * FINGERS)
+    n = len(flat)
+    joints, parts = np.empty((n, 21, 3)), np.empty((n, 1 + BONES * FINGERS, 3, 3))
+    turning = np.empty((n, ANGLES * FINGERS, 3))
+    skeleton = np.array(rest, dtype=np.float64), np.array(axes, dtype=np.float64)
+    place_all(*skeleton, float(twist), flat, joints, parts, turning)
+    return Placed(
+        joints.reshape(*lead, *joints.shape[1:]),
+        parts.reshape(*lead, *parts.shape[1:]),
+        turning.reshape(*lead, *turning.shape[1:]),
+    )

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 
-from handtrack.kernels.compiled import inline
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.kernels.compiled import inline, kernel
 from handtrack.kernels.workspace import (
     ABDUCTION,
     ANGLES,
@@ -13,6 +16,8 @@ from handtrack.kernels.workspace import (
     HINGE_1,
     LANES,
 )
+
+Array = NDArray[np.float64]
 
 
 @inline
@@ -83,3 +88,34 @@ def nearest_on_ellipse(limits, z, y):
     p, q = z / a, y / b
     n = math.sqrt(p * p + q * q)
     return (z / n, y / n) if n > 1.0 else (z, y)
+
+
+@kernel
+def clamp_all(lower, upper, angles):
+    """`clamp_poses` of poses in one row, in place."""
+    for n in range(len(angles)):
+        for k in range(0, ANGLES * FINGERS, ANGLES):
+            z, y = angles[n, k + FLEXION], angles[n, k + ABDUCTION]
+            bounds = lower[k], upper[k], lower[k + ABDUCTION], upper[k + ABDUCTION]
+            for a in range(k, k + ANGLES):
+                # a NaN is neither below nor above
+                if angles[n, a] < lower[a]:
+                    angles[n, a] = lower[a]
+                elif angles[n, a] > upper[a]:
+                    angles[n, a] = upper[a]
+            if not (math.isnan(z) or math.isnan(y) or inside_ellipse(bounds, z, y)):
+                angles[n, k + FLEXION], angles[n, k + ABDUCTION] = nearest_on_ellipse(bounds, z, y)
+
+
+def clamp_poses(lower: Array, upper: Array, angles: Array) -> Array:
+    """Nearest valid angles of any number of poses, called from Python.
+
+    Args:
+        lower, upper: (20,) [rad]; angles: (..., 20) [rad]. A hinge is clipped, a saddle moved to
+            the nearest point of its ellipse; a NaN stays, the other angles of its finger are
+            clipped.
+    """
+    out = np.array(angles, dtype=np.float64, order="C")
+    # copies: one type of arrays, so that one machine code does
+    clamp_all(np.array(lower), np.array(upper), out.reshape(-1, ANGLES * FINGERS))
+    return out

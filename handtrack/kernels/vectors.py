@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from typing import TypeAlias
 
+import numpy as np
+
 from handtrack.kernels.compiled import inline
 
 Vec: TypeAlias = tuple[float, float, float]
@@ -206,6 +208,12 @@ def quaternion(m):
     if q[0] < 0.0:
         n = -n
     return (n * q[0], n * q[1], n * q[2], n * q[3])
+
+
+@inline
+def reduced(x):
+    """The angle in -pi..pi that turns alike; one that is there already, to the last bit."""
+    return x - 2.0 * math.pi * np.rint(x * (0.5 / math.pi))
 
 
 @inline

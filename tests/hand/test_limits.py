@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from handtrack.errors import SettingsError
-from handtrack.hand.limits import PRESETS, Limits, nearest_on_ellipse, preset
+from handtrack.hand.limits import PRESETS, Limits, preset
 from handtrack.hand.skeleton import ANGLE_JOINT, ANGLE_NAMES
 
 # Li et al. 2021, Table 1 [degrees]: joints, z min, z max, y min, y max
@@ -191,7 +191,10 @@ def test_nearest_point_has_the_ellipse_normal(a, p):
     axes, point = np.array(a), np.array(p)
     if not ((point / axes) ** 2).sum() > 1:
         return
-    x = nearest_on_ellipse(point, axes)
+    angles = np.zeros((5, 4))
+    angles[3, :2] = point
+    box = np.tile([*axes, 1.0, 1.0], 5)
+    x = Limits("symmetric", -box, box).clamp(angles.ravel())[12:14]
     assert ((x / axes) ** 2).sum() == pytest.approx(1, abs=1e-9)
     normal, away = x / axes**2, point - x
     across = normal[0] * away[1] - normal[1] * away[0]
@@ -265,3 +268,15 @@ def test_limits_keep_their_own_copy():
 def test_an_unknown_preset_lists_the_known_ones():
     with pytest.raises(SettingsError, match=r"'wide'.*li2021.*anatomical"):
         preset("wide")
+
+
+def test_a_missing_angle_stays_missing_and_the_others_are_clipped():
+    limits = preset("li2021")
+    angles = np.zeros(20)
+    angles[[4, 5, 6, 8]] = np.nan, 2.0, 9.0, -3.0
+    found = limits.clamp(angles)
+    assert np.isnan(found[4])
+    assert np.isfinite(np.delete(found, 4)).all()
+    assert (found[[5, 6]] == limits.upper[[5, 6]]).all()
+    assert found[8] == limits.lower[8]
+    assert not limits.contains(angles)

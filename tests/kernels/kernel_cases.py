@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numba import njit
+from scipy.optimize import brentq
 
 from handtrack.hand.model import HandModel
 from handtrack.kernels import arrowhead, descent, exchange, fingers, li2021, objectives
@@ -142,3 +143,17 @@ def derivatives(works: Array, second: float) -> tuple[float, Array, Array]:
         h[20:, part] = h[part, 20:].T
     h[20:, 20:], g[20:] = w["system"][:, :ROOT], w["system"][:, GRADIENT]
     return value, g, h
+
+
+def nearest_on_ellipse(point: Array, axes: Array) -> Array:
+    """Nearest point (2,) of an ellipse to a point outside it: the multiplier by SciPy's search.
+
+    x = a^2 p / (a^2 + t) is where p - x is t times half the ellipse's normal; on it at one t > 0.
+    """
+    square = np.square(axes)
+
+    def outside(t: float) -> float:
+        return float(np.square(axes * point / (square + t)).sum()) - 1.0
+
+    t = brentq(outside, 0.0, np.linalg.norm(axes * point), xtol=1e-15, rtol=1e-14)
+    return np.asarray(square * point / (square + t))

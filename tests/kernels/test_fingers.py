@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from kernel_cases import solve_finger
+from kernel_cases import nearest_on_ellipse, solve_finger
 from scipy.optimize import minimize
 
-from handtrack.hand.limits import PRESETS, Limits, nearest_on_ellipse
+from handtrack.hand.limits import PRESETS, Limits
 from handtrack.kernels.workspace import GRADIENT, HINGE_1, HINGE_2, NORMAL, ROOT, TANGENT, WORK
 
 

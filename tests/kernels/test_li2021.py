@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kernel_cases import euler_zy, hinge_li2021, rows, saddle_li2021, vector
+from kernel_cases import euler_zy, hinge_li2021, nearest_on_ellipse, rows, saddle_li2021, vector
 from scipy.spatial.transform import Rotation
 
 from fit_cases import SADDLES, distances, ellipse_value, some_poses  # isort: skip
 
 from handtrack.fitting.fit import fit
-from handtrack.hand.limits import PRESETS, nearest_on_ellipse
+from handtrack.hand.limits import PRESETS
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import HANDS
 

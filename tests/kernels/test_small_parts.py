@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from kernel_cases import nearest_on_ellipse as oracle
 from kernel_cases import rows, vector
 from numba import njit
 from scipy.spatial.transform import Rotation
 
 from handtrack.hand.limits import PRESETS
-from handtrack.hand.limits import nearest_on_ellipse as oracle
 from handtrack.kernels import filter_state, limits, linear_algebra, vectors
 from handtrack.kernels.filter_state import FILTER
 from handtrack.kernels.linear_algebra import N

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.fitting import free_pose
 from handtrack.fitting.fit import N_POSE, Fit
-from handtrack.fitting.free_pose import FreeFit
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import matrix_to_vector, vector_to_matrix
 from handtrack.hand.skeleton import N_ANGLES, N_JOINTS, PALM
+from tools.paper import free_pose
+from tools.paper.free_pose import FreeFit
 
 Array = NDArray[np.float64]
 Baseline = Literal["gdc", "gdc-pca", "mlp"]

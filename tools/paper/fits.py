@@ -14,9 +14,9 @@ import handtrack as ht
 from handtrack.evaluation import metrics
 from handtrack.fitting.batch import BatchFit, fit_batch
 from handtrack.fitting.fit import UPDATES
-from handtrack.fitting.free_pose import FreeFit
 from handtrack.hand.model import HandModel
 from tools.paper import baselines
+from tools.paper.free_pose import FreeFit
 
 Array = NDArray[np.float64]
 Components = tuple[Array, Array]

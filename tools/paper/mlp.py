@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.fitting.free_pose import FreeFit, accumulated, free_fit, joints_of
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.hand.skeleton import N_PARTS, PARENTS
+from tools.paper.free_pose import FreeFit, accumulated, free_fit, joints_of
 
 Array = NDArray[np.float64]
 

@@ -28,7 +28,6 @@ import handtrack as ht
 from handtrack.evaluation import metrics
 from handtrack.evaluation.compare import compare
 from handtrack.evaluation.report import print_comparison
-from handtrack.fitting.free_pose import free_fit
 from handtrack.hand.mano import MANO, MANO_JOINT, mano_axes
 from handtrack.hand.mano_decode import decode
 from handtrack.hand.mano_file import find_mano
@@ -37,6 +36,7 @@ from handtrack.hand.rotations import vector_to_matrix
 from handtrack.hand.skeleton import N_ANGLES
 from handtrack.hand.unpickle import plain, unpickle
 from tools.paper.fits import METHODS, NAMES, Poses, Row, measure, run, table
+from tools.paper.free_pose import free_fit
 
 Array = NDArray[np.float64]
 

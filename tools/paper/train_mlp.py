@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.fitting.free_pose import PARENT
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_ANGLES, N_PARTS, PALM, PARENTS, PART_JOINT
+from tools.paper.free_pose import PARENT
 from tools.paper.mlp import LAYERS
 
 Array = NDArray[np.float64]

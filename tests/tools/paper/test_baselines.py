@@ -10,10 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from handtrack.errors import InputError, SettingsError
 from handtrack.evaluation.metrics import pa_mpjpe
-from handtrack.fitting import free_pose
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import vector_to_matrix
-from tools.paper import baselines, mlp
+from tools.paper import baselines, free_pose, mlp
 from tools.paper.mlp import WEIGHTS, predict
 
 
