@@ -15,10 +15,13 @@ from handtrack.sequences.joint_order import AXIS_MAJOR, check_order, ordered_by_
 from handtrack.sequences.marks import marked
 from handtrack.sequences.readers.raw import METRES, Array, Raw, Unit
 from handtrack.sequences.sequence import Sequence
+from handtrack.sequences.size import palm_length
 from handtrack.sequences.skeleton_check import Picks
 
 FARTHEST = 1e6
 """[m] No hand is farther from the origin; damaged numbers are."""
+_ALIKE = (0.7, 1.4)
+"""Sizes of one hand, as joints and as truth have them, differ by less than this."""
 Mirror = Literal["x", "y", "z"]
 _MIRRORED: dict[Mirror | None, Array] = {
     None: np.ones(3),
@@ -82,6 +85,8 @@ def assemble(raw: Raw, given: Given) -> Sequence:
     truth = None
     if raw.truth is not None:
         truth, _ = without_coincident(_picked(raw.truth, reading.picks) * to_metres)
+        truth, other = _in_its_unit(truth, joints, unit)
+        notes += other
     return Sequence(
         time_ns=clock.time_ns,
         joints=joints[rows],
@@ -96,6 +101,16 @@ def assemble(raw: Raw, given: Given) -> Sequence:
         subject=raw.subject,
         notes=tuple(notes),
     )
+
+
+def _in_its_unit(truth: Array, joints: Array, unit: Unit) -> tuple[Array, list[str]]:
+    """True joints [m], where they were stored in another unit than the joints; and a note."""
+    times = palm_length(truth) / palm_length(joints)
+    for other, metres in METRES.items():
+        factor = METRES[unit] / metres
+        if factor != 1 and _ALIKE[0] < times / factor < _ALIKE[1]:
+            return truth / factor, [f"true joints read as {other}, the joints as {unit}, by size"]
+    return truth, []
 
 
 def unit_of(raw: Raw, given: Given) -> Unit:
@@ -121,6 +136,12 @@ def without_marks(raws: list[Raw]) -> list[Raw]:
             distrusted &= ~mask & np.isfinite(raw.joints).all(-1)
             if distrusted.any():
                 notes.append(f"{distrusted.sum()} joints of confidence 0 were taken as missing")
+            if distrusted.any() and (mask | distrusted)[np.isfinite(raw.joints).all(-1)].all():
+                raise InputError(
+                    "confidence is 0 for every joint in every frame, so none counts as seen:"
+                    " leave the confidence out where it was not measured",
+                    raw.path,
+                )
             mask = mask | distrusted
         truth = raw.truth
         if truth is not None:

@@ -29,6 +29,7 @@ from handtrack.sequences.readers.points import are_points
 from handtrack.sequences.readers.raw import NotJointsError, Raw, stem
 from handtrack.sequences.readers.records import read_records
 
+_ABOUT = ("info", "meta", "metadata", "header", "config", "settings")
 _LISTS = ("frames", "records", "samples", "data", "recording", "sequence", "messages", "poses")
 """Names under which an object holds frames."""
 _MOST_HANDS = 4
@@ -112,6 +113,7 @@ def _frames(values: list[Any], path: Path, about: dict[str, Any]) -> list[Raw]:
 def _object(value: dict[str, Any], path: Path) -> list[Raw]:
     if len(value) > MOST_NAMES:
         raise NotJointsError(f"an object of {len(value)} names is of no hands", path)
+    value = _with_what_it_says(value)
     # a frame has no more than a few hands: a longer list is of frames
     long = [k for k in CONTAINERS if isinstance(value.get(k), list) and len(value[k]) > _MOST_HANDS]
     for key in (*_LISTS, *long):
@@ -129,6 +131,18 @@ def _object(value: dict[str, Any], path: Path) -> list[Raw]:
     if any(isinstance(f.value, dict | list) and are_points(f.value) for f in found):
         return read_records([value], ["the object"], path)
     return [raw for fields in of_sides(value) for raw in two_hands(from_fields(fields, path))]
+
+
+def _with_what_it_says(value: dict[str, Any]) -> dict[str, Any]:
+    """With what an object inside says of all frames (`{"info": {"fps": 60}, ...}`)."""
+    said = {
+        key: inner
+        for name in _ABOUT
+        if isinstance(part := value.get(name), dict)
+        for key, inner in part.items()
+        if isinstance(inner, str | int | float)
+    }
+    return {**said, **value}
 
 
 def _numbered(value: dict[str, Any]) -> list[Any]:
