@@ -296,3 +296,13 @@ def test_a_pickle_without_joints(tmp_path):
     write(tmp_path / "other.pkl", {"a": 1, "b": [2, 3]})
     with pytest.raises(InputError, match=r"other.pkl: no joints in it: .*found a, b"):
         ht.load(tmp_path / "other.pkl")
+
+
+@pytest.mark.parametrize("place", [0, 30, 50])
+@pytest.mark.parametrize("wrong", [1e200, -1e160, 1e5])
+def test_numbers_that_no_hand_has(tmp_path, mano_folder, place, wrong):
+    row = np.zeros(61)
+    row[place] = wrong
+    (tmp_path / "training_mano.json").write_text(json.dumps([[row.tolist()]]))
+    with pytest.raises(InputError, match=r"training_mano.json: MANO parameters: .* up to 10000"):
+        ht.load(tmp_path / "training_mano.json", mano=mano_folder)

@@ -28,6 +28,7 @@ from handtrack.sequences.readers.raw import Array, NotJointsError, Raw
 
 _POSES, _ORIENTS, _HANDS = ("poses", "pose"), ("global_orient",), ("hand_pose",)
 _BETAS, _MOVES = ("betas", "shape"), ("transl", "trans")
+_LARGEST = 1e4
 _FREIHAND = 61
 _BLOCK = 1000
 """Frames whose vertices are in memory at once."""
@@ -148,6 +149,7 @@ def decoded(raw: Raw, mano: Path | None, tips: str, hand: str) -> Raw:
     from handtrack.hand.mano import MANO
     from handtrack.hand.mano_decode import decode
 
+    _check_sizes(raw.mano, raw.path)
     side: Hand | None = raw.hand or next((h for h in HANDS if h == hand), None)
     side = side or next((h for h in HANDS if h in raw.path.name.lower()), None)
     if side is None:
@@ -171,6 +173,19 @@ def decoded(raw: Raw, mano: Path | None, tips: str, hand: str) -> Raw:
         raise InputError(f"MANO parameters: {shown(str(error))}", raw.path) from None
     raw.joints, raw.unit, raw.order, raw.hand = joints, "m", "handtrack", side
     return raw
+
+
+def _check_sizes(values: ManoValues, path: Path) -> None:
+    """No turn, component, coefficient or place of a hand is that large."""
+    for name in ("orient", "pose", "betas", "transl"):
+        given = getattr(values, name)
+        # not(<=): NaN is refused as well
+        if given.size and not np.abs(given).max() <= _LARGEST:
+            raise InputError(
+                f"MANO parameters: {name} holds {np.abs(given).max():.3g},"
+                f" expected numbers up to {_LARGEST:g}",
+                path,
+            )
 
 
 def _each(values: Array, n: int, name: str) -> Array:
