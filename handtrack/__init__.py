@@ -35,10 +35,11 @@ _WHERE = {
     "track": "tracking.tracker",
     "retrack": "recording.retrack",
     "Track": "tracking.track",
-    "write_mcap": "recording.tracks",
-    "read_mcap": "recording.tracks",
-    "follow_mcap": "recording.tracks",
+    "write_mcap": "recording.write",
+    "read_mcap": "recording.read",
+    "follow_mcap": "recording.read",
     "McapRecorder": "recording.recorder",
+    "RecordingSettings": "recording.settings",
     "log_rerun": "viewer.rerun_log",
     "export": "exporting.files",
     "LiveViewer": "viewer.live_viewer",
@@ -68,11 +69,12 @@ if TYPE_CHECKING:
     from handtrack.hand.limits import Limits as Limits
     from handtrack.hand.mano import MANO as MANO
     from handtrack.hand.model import HandModel as HandModel
+    from handtrack.recording.read import follow_mcap as follow_mcap
+    from handtrack.recording.read import read_mcap as read_mcap
     from handtrack.recording.recorder import McapRecorder as McapRecorder
     from handtrack.recording.retrack import retrack as retrack
-    from handtrack.recording.tracks import follow_mcap as follow_mcap
-    from handtrack.recording.tracks import read_mcap as read_mcap
-    from handtrack.recording.tracks import write_mcap as write_mcap
+    from handtrack.recording.settings import RecordingSettings as RecordingSettings
+    from handtrack.recording.write import write_mcap as write_mcap
     from handtrack.sequences.identity import repair_identity as repair_identity
     from handtrack.sequences.load import load as load
     from handtrack.sequences.sequence import Sequence as Sequence

@@ -66,7 +66,7 @@ def export(
     tracked into a .glb; without it bones are drawn.
     """
     import handtrack as ht
-    from handtrack.recording.cut import read_part
+    from handtrack.recording.read import read_part
 
     found = recordings((input,))
     folder = output.is_dir() or not output.suffix

@@ -46,8 +46,10 @@ class Reading(NamedTuple):
             found: the hands in it, where `detect` found them already.
         """
         import handtrack as ht
+        from handtrack.files.pictures import pictures_in
 
-        found = found or self.detect(path, quiet)
+        if found is None and pictures_in(path) is not None:
+            found = self.detect(path, quiet)
         if found is not None:
             sequences = self._labelled(found)
         else:
@@ -70,14 +72,11 @@ class Reading(NamedTuple):
                 click.echo(f"warning: {sequence.name}: {note}", err=True)
         return sequences
 
-    def detect(self, path: Path, quiet: bool = False) -> Detections | None:
-        """The hands in a video or in images; None where it is something else."""
+    def detect(self, path: Path, quiet: bool = False) -> Detections:
+        """The hands in a video or in images."""
         from handtrack.cli.progress import progress_shown
-        from handtrack.video.media import count, kind
-
-        if kind(path) is None:
-            return None
         from handtrack.video.detections import detect
+        from handtrack.video.media import count
 
         if any(o is not None for o in (self.unit, self.order, self.format, self.mirror)):
             raise SettingsError(
@@ -307,12 +306,6 @@ def _cut(track: Track, frames: tuple[int, int] | None) -> Track:
 
 def _is_recording(path: Path) -> bool:
     """Whether it is one of ours, and not another MCAP file with joints."""
-    from handtrack.mcap.walk import Walk
-    from handtrack.recording.write import METADATA
+    from handtrack.mcap.hands import is_recording
 
-    if path.suffix not in (".mcap", ".part") or not path.is_file():
-        return False
-    walk = Walk(path)
-    # our metadata stands before the first message
-    next(walk.messages(lambda schema: True), None)
-    return METADATA in walk.metadata
+    return path.suffix in (".mcap", ".part") and path.is_file() and is_recording(path)

@@ -97,7 +97,7 @@ def live(
         output.parent.mkdir(parents=True, exist_ok=True)
         sinks: list[Any] = [stack.enter_context(RecorderSink(output, source, recording))]
         if not no_view:
-            viewer = stack.enter_context(LiveViewer(connect, mesh=recording["mesh"] != "none"))
+            viewer = stack.enter_context(LiveViewer(connect, mesh=bool(recording.mesh.every)))
             sinks.append(ViewerSink(viewer))
         # a subject's own hand, and MANO's, stay as they are given
         given = models.file is not None or models.base[0] == "mano"

@@ -12,7 +12,8 @@ import click
 from handtrack.errors import SettingsError
 
 if TYPE_CHECKING:
-    from handtrack import Sequence, Track
+    from handtrack import Sequence
+    from handtrack.mcap.state import Stretch
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 connect_option = click.option(
@@ -39,7 +40,9 @@ class Live:
 
     seconds = 0.0
 
-    def parts(self, sequence: Sequence, record: Callable[[Track], None]) -> Callable[[Track], None]:
+    def parts(
+        self, sequence: Sequence, record: Callable[[Stretch], None]
+    ) -> Callable[[Stretch], None]:
         """What gets the parts of a sequence's track: they are recorded, and shown."""
         return record
 
@@ -51,7 +54,7 @@ class _Viewer(Live):
     """Shows what is tracked in a viewer, until the command ends."""
 
     def __init__(self, connect: str | None, sequences: list[Sequence], mesh: bool) -> None:
-        from handtrack.recording.topics import hand_topics
+        from handtrack.mcap.hand import hand_topics
         from handtrack.viewer.eye import Seen
         from handtrack.viewer.live_viewer import LiveViewer
 
@@ -64,10 +67,12 @@ class _Viewer(Live):
         viewer = LiveViewer(connect, mesh=mesh, seen=seen)
         self._viewer: Any = click.get_current_context().with_resource(viewer)
 
-    def parts(self, sequence: Sequence, record: Callable[[Track], None]) -> Callable[[Track], None]:
+    def parts(
+        self, sequence: Sequence, record: Callable[[Stretch], None]
+    ) -> Callable[[Stretch], None]:
         name = self._names[id(sequence)]
 
-        def both(part: Track) -> None:
+        def both(part: Stretch) -> None:
             record(part)
             start = time.perf_counter()
             self._viewer.add(part, name)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from handtrack.errors import SettingsError
+
+if TYPE_CHECKING:
+    from handtrack.recording.settings import RecordingSettings
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
@@ -44,18 +47,20 @@ def recording_options(command: _Command) -> _Command:
     return command
 
 
-def take_recording(options: dict[str, Any]) -> dict[str, Any]:
-    """Take the values of `recording_options`, as `McapRecorder` and `write_mcap` want them.
+def take_recording(options: dict[str, Any]) -> RecordingSettings:
+    """Take the values of `recording_options`.
 
     Raises:
         SettingsError: they contradict each other.
     """
+    from handtrack.recording.settings import RecordingSettings
+
     taken = {name: options.pop(name) for name in ("mesh", "compression", "foxglove_mesh")}
     if options.pop("no_mesh"):
         if taken["mesh"] not in ("full", "none"):
             raise SettingsError(f"--no-mesh and --mesh {taken['mesh']}: choose one")
         taken["mesh"] = "none"
-    return taken
+    return RecordingSettings.of(**taken)
 
 
 class _Factor(click.ParamType[Any]):

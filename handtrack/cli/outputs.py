@@ -7,12 +7,14 @@ import time
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from handtrack.errors import SettingsError
 
 if TYPE_CHECKING:
-    from handtrack import McapRecorder, Sequence, Track
+    from handtrack import McapRecorder, Sequence
+    from handtrack.mcap.state import Stretch
+    from handtrack.recording.settings import RecordingSettings
 
 RECORDINGS = Path("recordings")
 
@@ -64,12 +66,12 @@ def jobs(
     return made
 
 
-def recorder(job: Job, choices: dict[str, Any]) -> McapRecorder:
+def recorder(job: Job, recording: RecordingSettings) -> McapRecorder:
     """What writes a job's recording while its sequences are tracked.
 
     Args:
         job: what goes into it.
-        choices: as `take_recording` takes them.
+        recording: as `take_recording` takes it.
     """
     from handtrack import McapRecorder
 
@@ -78,7 +80,7 @@ def recorder(job: Job, choices: dict[str, Any]) -> McapRecorder:
         job.mcap,
         hands=[(sequence.name, sequence.hand) for sequence in job.sequences],
         start_ns=min(int(sequence.time_ns[0]) for sequence in job.sequences),
-        **choices,
+        recording=recording,
     )
 
 
@@ -93,11 +95,11 @@ class Stretches:
 
     def __init__(self, recorder: McapRecorder, hand: int) -> None:
         self._recorder, self._hand = recorder, hand
-        self._waiting: list[Track] = []
+        self._waiting: list[Stretch] = []
         self._seen = False
         self.seconds = 0.0
 
-    def __call__(self, part: Track) -> None:
+    def __call__(self, part: Stretch) -> None:
         start = time.perf_counter()
         self._seen = self._seen or bool((part.status != "lost").any())
         self._waiting.append(part)

@@ -14,6 +14,7 @@ from handtrack.errors import InputError, SettingsError
 
 if TYPE_CHECKING:
     from handtrack import Sequence, Track
+    from handtrack.recording.settings import RecordingSettings
     from handtrack.video.detections import Detections
     from handtrack.video.seen import Seen
     from handtrack.viewer.picture_log import PictureView
@@ -73,6 +74,7 @@ def from_cameras(
     import numpy as np
 
     import handtrack as ht
+    from handtrack.files.pictures import pictures_in
     from handtrack.video.follow import follow
     from handtrack.video.seen import Seen
     from handtrack.video.views import views_of
@@ -87,10 +89,9 @@ def from_cameras(
         )
     detections = []
     for video in videos:
-        found = reading._replace(unit=None).detect(video, quiet)
-        if found is None:
+        if pictures_in(video) is None:
             raise InputError("neither a video nor images, as --camera expects", video)
-        detections.append(found)
+        detections.append(reading._replace(unit=None).detect(video, quiet))
     hands, noise = views_of(detections, cameras), []
     sequences = []
     for views in hands:
@@ -129,9 +130,9 @@ def for_viewer(tracks: list[Track], pictures: list[Seen]) -> list[PictureView]:
 
 
 def detected(
-    source: Path, reading: Reading, output: Path | None, choices: dict[str, Any], quiet: bool
-) -> tuple[Detections | None, list[Seen]]:
-    """The hands in a video or in images, and the pictures; None where it is something else.
+    source: Path, reading: Reading, output: Path | None, recording: RecordingSettings, quiet: bool
+) -> tuple[Detections, list[Seen]]:
+    """The hands in a video or in images, and the pictures.
 
     Pictures without a hand give a recording that is complete, and empty.
 
@@ -148,6 +149,8 @@ def detected(
         path = output or RECORDINGS
         path = path if path.suffix == ".mcap" else path / f"{source.stem}.mcap"
         path.parent.mkdir(parents=True, exist_ok=True)
-        McapRecorder(path, hands=[(source.stem, "right")], source=str(source), **choices).close()
+        McapRecorder(
+            path, hands=[(source.stem, "right")], source=str(source), recording=recording
+        ).close()
         raise
-    return found, [] if found is None else [Seen.alone(found)]
+    return found, [Seen.alone(found)]

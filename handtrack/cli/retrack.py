@@ -68,7 +68,7 @@ def retrack(file: Path, output: Path, as_json: bool, quiet: bool, **options: Any
                 model = model.with_limits(tracking["limits"])
             tracks.append(run(stored, model, own))
     output.parent.mkdir(parents=True, exist_ok=True)
-    ht.write_mcap(tracks, output, **recording)
+    ht.write_mcap(tracks, output, recording=recording)
     report = ht.stability(tracks)
     if as_json:
         from handtrack.evaluation.report import to_json

@@ -75,6 +75,7 @@ def track(
     recordings/FOLDER/NAME.mcap. With -o FILE.mcap they share one.
     """
     import handtrack as ht
+    from handtrack.files.pictures import pictures_in
 
     settings, recording = take_tracking(options), take_recording(options)
     mano = {name: options[name] for name in ("mano", "mano_tips")}
@@ -93,9 +94,11 @@ def track(
             settings["noise_mm"] = noise
     elif len(inputs) > 1:
         raise SettingsError("several inputs are views of one scene: they need --camera")
-    else:
+    elif pictures_in(input) is not None:
         found, pictures = detected(input, reading, output, recording, quiet or as_json)
         sequences = reading.load(input, quiet, found)
+    else:
+        pictures, sequences = [], reading.load(input, quiet)
     if overlay is not None:
         check_overlay(overlay, pictures, input)
     repairs: list[str] = []
@@ -105,7 +108,7 @@ def track(
     for repair in repairs if not quiet else ():
         click.echo(f"repaired: {repair}", err=True)
     work = jobs(sequences, input, output, rrd)
-    show = live_view(live, connect, sequences, mesh=recording["mesh"] != "none")
+    show = live_view(live, connect, sequences, mesh=bool(recording.mesh.every))
     tracks: list[Track] = []
     left_out: list[str] = []
     seconds = 0.0
@@ -143,7 +146,7 @@ def track(
                     progress.says(f"writing {job.rrd}")
                     job.rrd.parent.mkdir(parents=True, exist_ok=True)
                     shown = for_viewer(made, pictures)
-                    mesh = recording["mesh"] != "none"
+                    mesh = bool(recording.mesh.every)
                     ht.log_rerun(made, save=job.rrd, mesh=mesh, pictures=shown)
                     progress.says("tracking")
                 tracks += made

@@ -16,7 +16,7 @@ from handtrack.exporting.gltf import Hand, write_glb
 from handtrack.exporting.motion import motion
 from handtrack.exporting.table import write_csv, write_parquet
 from handtrack.files.whole import whole_file
-from handtrack.recording.topics import hand_topics
+from handtrack.mcap.hand import hand_topics
 from handtrack.tracking.track import Track
 
 FORMATS = (".csv", ".parquet", ".npz", ".bvh", ".glb")

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES
-from handtrack.recording.distances import mean_and_max
-from handtrack.tracking.track import Track
+from handtrack.tracking.track import Track, mean_and_max
 
 if TYPE_CHECKING:
     import pyarrow

@@ -19,9 +19,10 @@ from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import BONES, HANDS, N_JOINTS, Hand
 from handtrack.live.lines import LiveFrame
 from handtrack.live.sources import Newest
+from handtrack.mcap.hand import Event, Head
 from handtrack.recording.recorder import McapRecorder
-from handtrack.tracking.track import Event
-from handtrack.tracking.tracker import TrackedFrame, Tracker, frame_events, track_of_frames
+from handtrack.recording.settings import RecordingSettings
+from handtrack.tracking.tracker import TrackedFrame, Tracker, frame_events, stretch_of_frames
 from handtrack.video.detector import Detector
 from handtrack.video.hand_tracks import HandTracks
 from handtrack.video.media import Picture
@@ -232,9 +233,9 @@ class RecorderSink:
     as a hand in a recording does not change; one that never comes takes none.
     """
 
-    def __init__(self, path: Path, source: str, choices: dict[str, Any]) -> None:
+    def __init__(self, path: Path, source: str, recording: RecordingSettings) -> None:
         """Args:
-        path, choices: as of `McapRecorder`: mesh, compression, foxglove_mesh.
+        path, recording: as of `McapRecorder`.
         source: what is tracked.
         """
         self._source = source
@@ -244,7 +245,7 @@ class RecorderSink:
         self._events: dict[Hand, list[Event]] = {}
         self._names = dict.fromkeys(HANDS, NAME)
         hands = [(name, hand) for name in (NAME, CALIBRATED) for hand in HANDS]
-        self._recorder = McapRecorder(path, hands=hands, **choices)
+        self._recorder = McapRecorder(path, hands=hands, recording=recording)
 
     def take(self, frame: TrackedFrame, tracker: Tracker, index: int) -> None:
         hand = tracker.model.hand
@@ -268,13 +269,12 @@ class RecorderSink:
     def _write(self, hand: Hand) -> None:
         frames = [frame for frame, _ in self._waiting[hand]]
         tracker = self._trackers[hand]
-        part = track_of_frames(
+        model = tracker.model
+        settings = {**tracker.settings, "limits": model.limits.name, "model": model.name}
+        part = stretch_of_frames(
             frames,
-            tracker.model,
-            {**tracker.settings, "limits": tracker.model.limits.name, "model": tracker.model.name},
-            name=self._names[hand],
-            frame_index=[index for _, index in self._waiting[hand]],
-            source=self._source,
+            Head.of(model, self._names[hand], settings, source=self._source),
+            [index for _, index in self._waiting[hand]],
             events=[*self._events.pop(hand, []), *frame_events(frames, self._before.get(hand))],
         )
         self._before[hand] = frames[-1]

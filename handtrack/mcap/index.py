@@ -94,6 +94,9 @@ def read_index(path: Path) -> McapIndex | None:
         opcode, length, start, _, checksum = _FOOTER.unpack_from(footer)
         if footer[-len(MAGIC) :] != MAGIC or (opcode, length) != (2, 20):
             return None
+        if not checksum:
+            # nothing vouches for the index, if there is one: another program's file
+            return None
         if not len(MAGIC) <= start <= size - end:
             raise ValueError("it starts outside of the file")
         stream.seek(start)

@@ -94,16 +94,16 @@ class Walk:
 
     def messages(
         self,
-        wanted: Callable[[str], bool],
+        wanted: Callable[[Channel], bool],
         places: Iterable[Place] | None = None,
         stream: IO[bytes] | None = None,
     ) -> Iterator[Found]:
-        """Messages of the channels whose schema's name is wanted, in the file's order.
+        """Messages of the channels that are wanted, in the file's order.
 
         Of a file that was cut, a second call goes on from there, if it has grown since.
 
         Args:
-            wanted: by the schema's name.
+            wanted: by the channel; `schema_of` tells its schema's name.
             places: of the chunks to read, by `McapIndex`; all by default.
             stream: the file, if it is open already.
 
@@ -193,7 +193,7 @@ class Walk:
         self.cut = f"it ends in the middle of its data, after byte {self.position}"
 
     def _record(
-        self, opcode: int, content: bytes, wanted: Callable[[str], bool]
+        self, opcode: int, content: bytes, wanted: Callable[[Channel], bool]
     ) -> Iterator[Found]:
         from mcap.data_stream import ReadDataStream
         from mcap.opcode import Opcode
@@ -208,7 +208,7 @@ class Walk:
                 yield found
         elif opcode == Opcode.MESSAGE:
             channel, sequence, time, _ = _MESSAGE.unpack_from(content)
-            if wanted(self._schema_of(channel)):
+            if wanted(self._channel(channel)):
                 yield Found(channel, sequence, time, content[_MESSAGE.size :])
         elif opcode == Opcode.SCHEMA:
             schema = Schema.read(ReadDataStream(BytesIO(content)))
@@ -225,7 +225,7 @@ class Walk:
         elif opcode < _PRIVATE and opcode not in _SKIPPED:
             raise ValueError(f"a record of kind {opcode} does not belong there")
 
-    def _inside(self, data: bytes, wanted: Callable[[str], bool]) -> Iterator[Found]:
+    def _inside(self, data: bytes, wanted: Callable[[Channel], bool]) -> Iterator[Found]:
         """Messages in the records of a chunk."""
         from mcap.opcode import Opcode
 
@@ -243,13 +243,17 @@ class Walk:
             else:
                 (channel,) = struct.unpack_from("<H", data, position)
                 if channel not in skipped:
-                    if wanted(self._schema_of(channel)):
+                    if wanted(self._channel(channel)):
                         yield from self._record(opcode, data[position:end], wanted)
                     else:
                         skipped.add(channel)
             position = end
 
-    def _schema_of(self, channel: int) -> str:
-        if channel not in self.channels:
-            raise ValueError(f"a message of channel {channel}, which is not defined")
-        return self.schemas.get(self.channels[channel].schema_id, "")
+    def schema_of(self, channel: Channel) -> str:
+        """Name of a channel's schema; empty if it has none."""
+        return self.schemas.get(channel.schema_id, "")
+
+    def _channel(self, number: int) -> Channel:
+        if number not in self.channels:
+            raise ValueError(f"a message of channel {number}, which is not defined")
+        return self.channels[number]

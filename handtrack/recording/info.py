@@ -10,10 +10,10 @@ from typing import Any
 import msgspec
 
 from handtrack.errors import InputError, shown
+from handtrack.mcap.hands import METADATA, Hands, listed
 from handtrack.mcap.index import McapIndex, read_index
 from handtrack.mcap.walk import Walk
 from handtrack.recording.summary import SUMMARY, HandSummary, read_summary
-from handtrack.recording.write import METADATA
 
 
 def info(path: str | Path) -> dict[str, Any]:
@@ -37,8 +37,6 @@ def info(path: str | Path) -> dict[str, Any]:
     index = read_index(path)
     if index is not None:
         if METADATA not in index.metadata:
-            from handtrack.recording.read import listed
-
             topics = listed(c.topic for c in index.channels.values())
             raise InputError(f"not a recording of handtrack, it has {topics}", path)
         if SUMMARY in index.metadata:
@@ -79,12 +77,10 @@ def _of_index(index: McapIndex, summary: dict[str, Any]) -> dict[str, Any]:
 
 def _of_messages(path: Path, indexed: bool) -> dict[str, Any]:
     """The same, from all messages of a file that has an index, or has none."""
-    from handtrack.recording.read import Hands
-
     walk = Walk(path)
     hands = Hands(walk)
     counts: dict[int, list[int]] = {}
-    for found in walk.messages(lambda schema: True):
+    for found in walk.messages(lambda channel: True):
         count = counts.setdefault(found.channel, [0, 0])
         count[0] += 1
         count[1] += len(found.data)
@@ -92,11 +88,12 @@ def _of_messages(path: Path, indexed: bool) -> dict[str, Any]:
     hands.check()
     values = {}
     for hand in hands.all:
-        track = hands.take(hand)
-        summary = HandSummary(track)
-        summary.add(track)
-        record = {"limits": track.model.limits.name, "version": track.version}
-        record["settings"] = json.dumps(dict(track.settings))
+        stretch = hand.take()
+        head = stretch.head
+        summary = HandSummary(head)
+        summary.add(stretch)
+        record = {"limits": head.model.limits.name, "version": head.version}
+        record["settings"] = json.dumps(dict(head.settings))
         values[hand.topic.strip("/")] = _hand(summary.values(), record)
     topics = {
         channel.topic: {

@@ -2,31 +2,52 @@
 
 from __future__ import annotations
 
+import math
 import re
 import time
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
-from typing import IO
 
 import numpy as np
+from numpy.typing import NDArray
 
-from handtrack.errors import InputError, shown
+from handtrack.errors import InputError, SettingsError, shown
 from handtrack.mcap.chunk import Place
+from handtrack.mcap.hands import EVENT, HAND, METADATA, STATE, HandDecoder, Hands
 from handtrack.mcap.index import McapIndex, read_index
-from handtrack.mcap.walk import MAGIC, Found, Walk, opened
-from handtrack.recording.hand_reader import OURS, VERSIONS, HandReader
-from handtrack.recording.stored_skin import StoredSkin
+from handtrack.mcap.schema import message_class
+from handtrack.mcap.walk import MAGIC, Walk, opened
+from handtrack.recording.info import info
+from handtrack.recording.parts import between, pick
 from handtrack.recording.summary import SUMMARY, read_summary
-from handtrack.recording.window import between
-from handtrack.recording.write import METADATA
-from handtrack.tracking.track import Track
+from handtrack.tracking.track import Track, track_of
 
 _INT64 = np.iinfo(np.int64)
 
 
-def read_tracks(path: Path, start_ns: int | None, end_ns: int | None) -> list[Track]:
-    """The Tracks of a file; see `handtrack.recording.tracks.read_mcap`."""
+def read_mcap(
+    path: str | Path, *, start_ns: int | None = None, end_ns: int | None = None
+) -> list[Track]:
+    """Read the tracks of an MCAP file of any format version, in the order written.
+
+    All of a Track comes back exactly, to the bit; of a licensed model (MANO) not its template,
+    which the file doesn't hold, but the skins that it does.
+
+    A file whose writer was stopped is read up to its last whole chunk, with a UserWarning
+    that says how much that is.
+
+    Args:
+        path: the file.
+        start_ns, end_ns: first and last time wanted [ns], on the recording's clock; a complete
+            file is read only there.
+
+    Raises:
+        InputError: there is no such file, it is not such a recording, it is damaged (with
+            the place), or nothing of it is whole.
+    """
+    path = Path(path)
     part = start_ns is not None or end_ns is not None
     first, last = _INT64.min if start_ns is None else start_ns, end_ns
     last = _INT64.max if last is None else last
@@ -40,16 +61,80 @@ def read_tracks(path: Path, start_ns: int | None, end_ns: int | None) -> list[Tr
     hands = Hands(walk)
     hands.read()
     hands.check()
-    tracks = [hands.take(hand) for hand in hands.all]
+    tracks = [_taken(hand, walk) for hand in hands.all]
     if walk.cut:
         if not any(len(track) for track in tracks):
             raise InputError(f"{walk.cut}, no frame is whole", path)
         seconds = max(t.time_ns[-1] - t.time_ns[0] for t in tracks if len(t)) * 1e-9
         frames = max(len(track) for track in tracks)
         warnings.warn(
-            f"{path}: {walk.cut}; read {frames} whole frames, {seconds:.2f} s", stacklevel=3
+            f"{path}: {walk.cut}; read {frames} whole frames, {seconds:.2f} s", stacklevel=2
         )
     return [between(track, first, last) for track in tracks] if part else tracks
+
+
+def read_part(
+    path: str | Path,
+    hand: str | None = None,
+    start_s: float | None = None,
+    end_s: float | None = None,
+) -> list[Track]:
+    """`pick` from a recording; of a complete file only what is asked for is read.
+
+    Raises:
+        InputError: as `read_mcap`.
+        SettingsError: as `pick`.
+    """
+    if start_s is None and end_s is None:
+        return pick(read_mcap(path), hand)
+    spans = [(h["first_ns"], h["last_ns"]) for h in info(path)["hands"].values() if h["frames"]]
+    if not spans:
+        raise SettingsError("there are no frames in the recording")
+    span = min(first for first, _ in spans), max(last for _, last in spans)
+    # a nanosecond more on either side: `pick` is exact
+    start = None if start_s is None else span[0] + math.floor(start_s * 1e9) - 1
+    end = None if end_s is None else span[0] + math.ceil(end_s * 1e9) + 1
+    return pick(read_mcap(path, start_ns=start, end_ns=end), hand, start_s, end_s, span)
+
+
+def follow_mcap(
+    path: str | Path, *, poll_s: float = 0.1, timeout_s: float = 10.0
+) -> Iterator[Track]:
+    """Read a recording while it is written.
+
+    Args:
+        path: the part that a `McapRecorder` writes (`recorder.part`), or any recording.
+        poll_s: how often to look for more [s].
+        timeout_s: how long to wait for more [s]; the writer may be dead.
+
+    Yields:
+        The next frames of a hand, as a Track, until the recording is complete or nothing
+        comes any more.
+
+    Raises:
+        InputError: as `read_mcap`.
+    """
+    path = Path(path)
+    walk = Walk(path)
+    hands = Hands(walk)
+    size, since = 0, time.monotonic()
+    # the file stays open: it is renamed when it is complete
+    with opened(path) as stream:
+        while not walk.done:
+            now = stream.seek(0, 2)
+            if now == size:
+                if time.monotonic() - since > timeout_s:
+                    return
+                time.sleep(poll_s)
+                continue
+            size, since = now, time.monotonic()
+            if size < len(MAGIC):
+                continue
+            hands.read(stream=stream)
+            if any(hand.here for hand in hands.all):
+                hands.check()
+            yield from (_taken(hand, walk) for hand in hands.all if hand.here)
+        hands.check()
 
 
 def _indexed(index: McapIndex, first: int, last: int) -> list[Track]:
@@ -62,10 +147,10 @@ def _indexed(index: McapIndex, first: int, last: int) -> list[Track]:
     models = [begin for name, begin in index.begins.items() if name.startswith(f"{METADATA}/")]
     with walk.telling("its index is damaged"):
         places = sorted({index.at(begin) for begin in models})
-    hands.read(places, schemas=OURS[:1])
+    hands.read(places, schemas=(HAND,))
     wanted = index.between(*times) if times[0] <= times[1] else []
-    hands.read(wanted, schemas=OURS[1:], times=times)
-    return [hands.take(hand, wanted) for hand in hands.all]
+    hands.read(wanted, schemas=(STATE, EVENT), times=times)
+    return [_taken(hand, walk, wanted) for hand in hands.all]
 
 
 def _time_offset(index: McapIndex) -> int:
@@ -85,111 +170,74 @@ def _time_offset(index: McapIndex) -> int:
     return int(text)
 
 
-def follow_tracks(path: Path, poll_s: float, timeout_s: float) -> Iterator[Track]:
-    """The Tracks of a file that grows; see `handtrack.recording.tracks.follow_mcap`."""
-    walk = Walk(path)
-    hands = Hands(walk)
-    size, since = 0, time.monotonic()
-    # the file stays open: it is renamed when it is complete
-    with opened(path) as stream:
-        while not walk.done:
-            now = stream.seek(0, 2)
-            if now == size:
-                if time.monotonic() - since > timeout_s:
-                    return
-                time.sleep(poll_s)
-                continue
-            size, since = now, time.monotonic()
-            if size < len(MAGIC):
-                continue
-            hands.read(stream=stream)
-            if any(hand.here for hand in hands.all):
-                hands.check()
-            yield from (hands.take(hand) for hand in hands.all if hand.here)
-        hands.check()
+def _taken(hand: HandDecoder, walk: Walk, places: list[Place] | None = None) -> Track:
+    """What came of a hand since the last time, with the skin that the file holds.
+
+    Args:
+        hand: it.
+        walk: of its file.
+        places: of the chunks with its skin; everywhere if left out.
+    """
+    topic, first = f"{hand.topic}/mesh", hand.frames - hand.here
+    stretch = hand.take()
+    head = stretch.head
+    if not head.model.licensed or all(c.topic != topic for c in walk.channels.values()):
+        return track_of([stretch])
+    span = first, hand.frames
+    skin = StoredSkin(walk.path, topic, span, head.n_vertices, head.faces, places)
+    return track_of([stretch], skin)
 
 
-def listed(topics: Iterable[str]) -> str:
-    """Names of a file's topics for a message."""
-    return shown(", ".join(sorted(topics)) or "no topics")
+class StoredSkin:
+    """The /HAND/mesh topic of a file, as `handtrack.tracking.track.Skin`.
 
+    Args:
+        path: the file.
+        topic: the mesh's.
+        frames: numbers of the first frame and of the one after the last.
+        n_vertices: of the skin.
+        faces: (F, 3) triangles.
+        places: of the chunks to look in; everywhere if left out.
+    """
 
-class Hands:
-    """The hands in the messages of a file, as they are met."""
-
-    def __init__(self, walk: Walk, first: int | None = 0) -> None:
-        self._walk, self._first = walk, first
-        self._hands: dict[str, HandReader] = {}
-
-    @property
-    def all(self) -> list[HandReader]:
-        """In the order in which they were met."""
-        return list(self._hands.values())
-
-    def read(
+    def __init__(
         self,
-        places: list[Place] | None = None,
-        schemas: tuple[str, ...] = OURS,
-        times: tuple[int, int] = (0, 2**64 - 1),
-        stream: IO[bytes] | None = None,
+        path: Path,
+        topic: str,
+        frames: tuple[int, int],
+        n_vertices: int,
+        faces: NDArray[np.int32],
+        places: Sequence[Place] | None = None,
     ) -> None:
-        """Messages of those schemas and log times, as `Walk.messages`.
+        self._path, self._topic, self._frames, self._places = path, topic, frames, places
+        self.n_vertices, self.faces = n_vertices, faces
+
+    def vertices(self, frames: slice | NDArray[np.int64]) -> NDArray[np.float64]:
+        """(n, V, 3) in the world [m], NaN where none was recorded.
 
         Raises:
-            InputError: as that does, or a message does not fit.
+            InputError: the file is not there any more, or is damaged.
         """
-        walk = self._walk
-        for found in walk.messages(lambda schema: schema in schemas, places, stream):
-            if times[0] <= found.time <= times[1]:
-                self.add(found)
+        return self._all[frames].astype(np.float64)
 
-    def add(self, found: Found) -> None:
-        """A message, if it is one of ours.
-
-        Raises:
-            InputError: it does not fit.
-        """
-        walk = self._walk
-        channel = walk.channels[found.channel]
-        schema = walk.schemas.get(channel.schema_id, "")
-        if schema not in OURS:
-            return
-        topic = channel.topic.rpartition("/")[0]
-        hand = self._hands.get(topic)
-        if hand is None:
-            hand = self._hands[topic] = HandReader(topic, walk.path, self._first)
-        hand.add(schema, found.sequence, found.data)
-
-    def check(self) -> None:
-        """Whether this is one of our recordings, of a version that can be read.
-
-        Raises:
-            InputError: it is not.
-        """
-        walk = self._walk
-        if METADATA not in walk.metadata and not self._hands:
-            about = f"; {walk.cut}" if walk.cut else ""
-            topics = listed(c.topic for c in walk.channels.values())
-            raise InputError(f"not a recording of handtrack, it has {topics}{about}", walk.path)
-        if METADATA not in walk.metadata:
-            raise InputError(f"the metadata record {METADATA!r} is missing", walk.path)
-        version = walk.metadata[METADATA].get("format_version")
-        known = [str(number) for number in VERSIONS]
-        if version not in known:
-            raise InputError(
-                f"format version {shown(version)}, this handtrack reads {' and '.join(known)}",
-                walk.path,
-            )
-
-    def take(self, hand: HandReader, places: list[Place] | None = None) -> Track:
-        """What came of a hand since the last time, with the skin that the file holds.
-
-        Args:
-            hand: one of `all`.
-            places: of the chunks with its skin; everywhere if left out.
-        """
-        mesh, path = f"{hand.topic}/mesh", self._walk.path
-        if not hand.licensed or all(c.topic != mesh for c in self._walk.channels.values()):
-            return hand.take()
-        frames = hand.frames - hand.here, hand.frames
-        return hand.take(StoredSkin(path, mesh, frames, *hand.skin_size, places))
+    @cached_property
+    def _all(self) -> NDArray[np.float32]:
+        first, end = self._frames
+        out = np.full((end - first, self.n_vertices, 3), np.nan, np.float32)
+        cloud = message_class("foxglove.PointCloud")
+        index = None if self._places is None else read_index(self._path)
+        walk = Walk(self._path) if index is None else index.walk()
+        for found in walk.messages(lambda channel: channel.topic == self._topic, self._places):
+            frame = found.sequence - first
+            if not 0 <= frame < len(out):
+                continue
+            points = np.frombuffer(cloud.FromString(found.data).data, "<f4")
+            if len(points) not in (0, 3 * self.n_vertices):
+                raise InputError(
+                    f"a mesh of {self._topic} has {len(points) / 3:g} vertices,"
+                    f" expected {self.n_vertices}",
+                    self._path,
+                )
+            if len(points):
+                out[frame] = points.reshape(-1, 3)
+        return out

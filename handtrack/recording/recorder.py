@@ -6,7 +6,6 @@ import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -16,10 +15,12 @@ from numpy.typing import ArrayLike
 from handtrack.errors import HandtrackError, SettingsError
 from handtrack.files.growing import PartFile
 from handtrack.hand.model import HandModel
-from handtrack.recording.mesh_choice import MeshChoice
-from handtrack.recording.waiting import Slot, Waiting
-from handtrack.recording.write import CHUNK_BYTES, Choices, HandWriter, RecordingWriter
-from handtrack.tracking.track import Event, Track
+from handtrack.mcap.hand import Event, Head
+from handtrack.mcap.state import Stretch
+from handtrack.recording.hand_slot import FrameBuffer, Slot, no_frames
+from handtrack.recording.settings import MeshChoice, RecordingSettings
+from handtrack.recording.write import CHUNK_BYTES, HandWriter, RecordingWriter
+from handtrack.tracking.track import Track
 from handtrack.tracking.tracker import TrackedFrame
 
 KEPT_NS = 1_000_000_000
@@ -58,6 +59,7 @@ class McapRecorder:
         mesh: str | bool | MeshChoice = "full",
         compression: str = "lz4",
         foxglove_mesh: bool = False,
+        recording: RecordingSettings | None = None,
         start_ns: int | None = None,
     ) -> None:
         """Args:
@@ -67,7 +69,7 @@ class McapRecorder:
         names: of the hands; "hand" by default.
         hands: (name, side) of all hands, where there is no model.
         settings, source, subject: as in Track, the same for all hands.
-        mesh, compression, foxglove_mesh: as in `write_mcap`.
+        mesh, compression, foxglove_mesh, recording: as in `write_mcap`.
         start_ns: earliest time of all hands [ns]; needed only if times are negative and not
             those of the first frame that is given.
 
@@ -82,12 +84,14 @@ class McapRecorder:
         names = list(names) or ["hand"] * len(models)
         if models and len(names) != len(models):
             raise SettingsError(f"{len(names)} names for {len(models)} hands")
-        self._choices = Choices(MeshChoice.of(mesh), foxglove_mesh, compression)
+        self._contents = RecordingSettings.of(mesh, compression, foxglove_mesh, recording)
         sides = list(hands) or [(n, m.hand) for n, m in zip(names, models, strict=True)]
-        about = {"settings": dict(settings or {}), "source": source, "subject": subject}
-        self._waiting = [
-            Waiting(models[i] if models else None, name, about) for i, (name, _) in enumerate(sides)
+        made = dict(settings or {})
+        self._buffers = [
+            FrameBuffer(Head.of(model, name, made, source=source, subject=subject))
+            for name, model in zip(names, models, strict=bool(models))
         ]
+        self._events: list[list[Event]] = [[] for _ in sides]
         self._hands, self._start_ns = sides, start_ns
         self._file = PartFile(Path(path))
         self._writer: RecordingWriter | None = None
@@ -141,10 +145,12 @@ class McapRecorder:
             HandtrackError: writing failed (a full disk).
         """
         self._check_open(hand)
-        self._waiting[hand].add(frame, frame_index, truth)
-        waits = self._waiting[hand]
-        late = frame.time_ns - waits.frames[0].time_ns >= KEPT_NS * 0.9
-        if late or len(waits.frames) * self._frame_bytes(hand) >= CHUNK_BYTES:
+        if not self._buffers:
+            raise SettingsError("frames need a hand model: give it to the recorder")
+        buffer = self._buffers[hand]
+        buffer.add(frame, frame_index, truth)
+        late = buffer.span_ns >= KEPT_NS * 0.9
+        if late or len(buffer) * self._frame_bytes(buffer.model) >= CHUNK_BYTES:
             self._write_waiting(hand)
         if (time.monotonic() - self._since) * 1e9 >= KEPT_NS * 0.9:
             self.flush()
@@ -155,9 +161,9 @@ class McapRecorder:
         Of a hand that never has a frame nothing is written.
         """
         self._check_open(hand)
-        self._waiting[hand].events.append(event)
+        self._events[hand].append(event)
 
-    def add(self, part: Track, hand: int = 0) -> None:
+    def add(self, part: Track | Stretch, hand: int = 0) -> None:
         """Record the next frames of a hand: a track, or a stretch of one.
 
         Raises:
@@ -171,7 +177,7 @@ class McapRecorder:
             writer, file = self._begun(part), self._file
             if hand not in self._writers:
                 first = int(part.time_ns[0]) if len(part) else 0
-                self._writers[hand] = writer.hand(hand, part, first)
+                self._writers[hand] = writer.hand(hand, part.head, first)
             self._slots[hand].take(part)
             messages = self._writers[hand].messages(part)
             self._writers[hand].summary.add(part)
@@ -182,7 +188,7 @@ class McapRecorder:
     def flush(self) -> None:
         """Write all that waits, so that it can be read."""
         self._check_open()
-        for hand in range(len(self._waiting)):
+        for hand in range(len(self._buffers)):
             self._write_waiting(hand)
         self._since = time.monotonic()
 
@@ -255,29 +261,29 @@ class McapRecorder:
 
     def _last_events(self) -> None:
         """What was said of hands after their last frames."""
-        for hand, (waits, slot) in enumerate(zip(self._waiting, self._slots, strict=True)):
-            if waits.events and slot.head is not None:
-                self.add(replace(slot.head, events=tuple(waits.events)), hand)
-                waits.events = []
+        for hand, (events, slot) in enumerate(zip(self._events, self._slots, strict=True)):
+            if events and slot.head is not None:
+                self.add(no_frames(slot.head, events), hand)
+                self._events[hand] = []
 
     def _write_waiting(self, hand: int) -> None:
-        waits = self._waiting[hand]
-        if waits.frames and waits.model is not None:
-            self.add(waits.take(waits.model), hand)
+        if len(self._buffers[hand]):
+            events, self._events[hand] = self._events[hand], []
+            self.add(self._buffers[hand].take(events), hand)
 
-    def _frame_bytes(self, hand: int) -> int:
-        model, mesh = self._waiting[hand].model, self._choices.mesh
-        if model is None or not mesh.every:
+    def _frame_bytes(self, model: HandModel) -> int:
+        every = self._contents.mesh.every
+        if not every:
             return _STATE_BYTES
-        each = _VERTEX_BYTES + _SCENE_BYTES * self._choices.foxglove_mesh
-        return _STATE_BYTES + each * len(model.rest_vertices) // mesh.every
+        each = _VERTEX_BYTES + _SCENE_BYTES * self._contents.foxglove_mesh
+        return _STATE_BYTES + each * len(model.rest_vertices) // every
 
-    def _begun(self, head: Track | None) -> RecordingWriter:
+    def _begun(self, part: Track | Stretch | None) -> RecordingWriter:
         if self._writer is None:
             first = self._start_ns
             if first is None:
-                first = int(head.time_ns[0]) if head is not None and len(head) else 0
-            self._writer = RecordingWriter(self._file.stream, self._hands, first, self._choices)
+                first = int(part.time_ns[0]) if part is not None and len(part) else 0
+            self._writer = RecordingWriter(self._file.stream, self._hands, first, self._contents)
         return self._writer
 
     @contextmanager

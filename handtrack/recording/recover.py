@@ -7,10 +7,9 @@ from typing import IO, NamedTuple
 
 from handtrack.errors import InputError
 from handtrack.files.whole import whole_file
+from handtrack.mcap.hands import HandDecoder, Hands
 from handtrack.mcap.stream import McapStream
 from handtrack.mcap.walk import Walk
-from handtrack.recording.hand_reader import HandReader
-from handtrack.recording.read import Hands
 from handtrack.recording.summary import SUMMARY, HandSummary, summary_record
 from handtrack.recording.write import CHUNK_BYTES
 
@@ -84,9 +83,9 @@ class _Copy:
             InputError: the file is broken there.
         """
         probe = Walk(self._walk.path)
-        next(probe.messages(lambda schema: True), None)
+        next(probe.messages(lambda channel: True), None)
         self._writer = McapStream(stream, probe.compression or "none", CHUNK_BYTES)
-        for found in self._walk.messages(lambda schema: True):
+        for found in self._walk.messages(lambda channel: True):
             self.begun = True
             self._copy_metadata()
             channel = self._channel(found.channel)
@@ -114,14 +113,14 @@ class _Copy:
             )
         return self._channels[number]
 
-    def _sum_up(self, hand: HandReader) -> None:
-        track = hand.take()
-        summary = self._summaries.setdefault(hand.topic.strip("/"), HandSummary(track))
-        summary.add(track)
-        self.frames += len(track)
-        if len(track):
-            self._first = min(self._first, int(track.time_ns[0]))
-            self._last = max(self._last, int(track.time_ns[-1]))
+    def _sum_up(self, hand: HandDecoder) -> None:
+        part = hand.take()
+        summary = self._summaries.setdefault(hand.topic.strip("/"), HandSummary(part.head))
+        summary.add(part)
+        self.frames += len(part)
+        if len(part):
+            self._first = min(self._first, int(part.time_ns[0]))
+            self._last = max(self._last, int(part.time_ns[-1]))
 
     def finish(self) -> float:
         """Complete the new file.

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from handtrack.errors import shown
 from handtrack.hand.skeleton import Hand
+from handtrack.mcap.hand import Head
+from handtrack.mcap.state import Stretch
 from handtrack.tracking.track import STATUSES, Track
 
 SUMMARY = "handtrack.summary"
@@ -113,7 +115,7 @@ class Spread:
 class HandSummary:
     """Counts and errors of one hand, gathered as its frames come."""
 
-    def __init__(self, head: Track) -> None:
+    def __init__(self, head: Head) -> None:
         self._head = head
         self._counts = dict.fromkeys(STATUSES, 0)
         self._events = dict.fromkeys(("info", "warning"), 0)
@@ -122,7 +124,7 @@ class HandSummary:
         self._first: int | None = None
         self._last = 0
 
-    def add(self, part: Track) -> None:
+    def add(self, part: Track | Stretch) -> None:
         """The next frames."""
         for event in part.events:
             self._events[event.level] = self._events.get(event.level, 0) + 1

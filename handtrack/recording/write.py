@@ -1,34 +1,40 @@
-"""Tracks to the messages of an MCAP file: what `write_mcap` and `McapRecorder` share."""
+"""Tracks, and stretches of them, to the messages of an MCAP file.
+
+What the files hold is said in `handtrack/mcap/handtrack.proto`.
+"""
 
 from __future__ import annotations
 
 import heapq
 import json
+import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from pathlib import Path
 from typing import IO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handtrack import __version__
 from handtrack.errors import SettingsError
+from handtrack.files.whole import whole_file
+from handtrack.hand.rotations import quaternion_to_matrix
+from handtrack.mcap import foxglove
+from handtrack.mcap.hand import Event, Head, encode_event, encode_hand, hand_topics, text
+from handtrack.mcap.hands import METADATA
 from handtrack.mcap.schema import JOINT_STATE_NAME, JOINT_STATE_ROS2, descriptor_set
+from handtrack.mcap.state import Stretch, encode_states
 from handtrack.mcap.stream import McapStream
-from handtrack.recording import encode
 from handtrack.recording.log_lines import Line, log_lines
-from handtrack.recording.mesh_choice import MeshChoice
-from handtrack.recording.scene import SceneEncoder
+from handtrack.recording.settings import MeshChoice, RecordingSettings
 from handtrack.recording.summary import SUMMARY, HandSummary, summary_record
-from handtrack.recording.topics import hand_topics
-from handtrack.tracking.track import Event, Track
+from handtrack.tracking.track import Track
 
 FORMAT_VERSION = "2"
-METADATA = "handtrack"
 BATCH = 128
 """Frames encoded at a time: bounds the memory that meshes take."""
 CHUNK_BYTES = 224 * 1024
 """A chunk ends with the frame that fills it: mostly at 256 KiB."""
-COMPRESSIONS = ("lz4", "zstd", "none")
 
 # subtopic -> schema
 _TOPICS = {
@@ -48,34 +54,52 @@ Message = tuple[int, int, int, int, bytes]
 """log time, hand, sequence number, channel, data"""
 
 
-@dataclass(frozen=True)
-class Choices:
-    """What goes into a recording, and how.
+def write_mcap(
+    tracks: Track | Sequence[Track],
+    path: str | Path,
+    *,
+    mesh: str | bool | MeshChoice = "full",
+    compression: str = "lz4",
+    foxglove_mesh: bool = False,
+    recording: RecordingSettings | None = None,
+) -> Path:
+    """Write tracks (hands, people) of one recording to an MCAP file.
 
-    Attributes:
-        mesh: which skins.
-        foxglove_mesh: the same skins as foxglove.SceneUpdate too.
-        compression: of chunks.
+    The file takes its name only once it is complete, see `whole_file`; an existing one is
+    replaced.
+
+    Args:
+        tracks: one track or several; they may have different times.
+        path: the file to write.
+        mesh: the skin's vertices, for viewers: "full" (float32; about 28 kB a frame),
+            "quantised" (0.12 mm), "every N", "quantised,every N" or "none" (see `MeshChoice`).
+            Reading back doesn't need them, unless the model is licensed.
+        compression: "lz4", "zstd" or "none".
+        foxglove_mesh: write the skin as `foxglove.SceneUpdate` too (about 125 kB a frame).
+        recording: those three as a whole, in their place.
+
+    Returns:
+        The path written.
 
     Raises:
-        SettingsError: compression is unknown, or a scene is wanted without a mesh.
+        InputError: the folder is missing, or the path is a folder.
+        SettingsError: there is no track, a track's time does not increase, its settings are
+            not plain JSON, or mesh or compression are unknown.
+        HandtrackError: writing failed (a full disk, no permission).
     """
-
-    mesh: MeshChoice = field(default_factory=MeshChoice)
-    foxglove_mesh: bool = False
-    compression: str = "lz4"
-
-    def __post_init__(self) -> None:
-        if self.compression not in COMPRESSIONS:
-            known = ", ".join(COMPRESSIONS)
-            raise SettingsError(
-                f"compression {self.compression!r} is unknown, expected one of {known}"
-            )
-        if self.foxglove_mesh and not self.mesh.every:
-            raise SettingsError("a mesh for Foxglove needs a mesh, but mesh is none")
+    contents = RecordingSettings.of(mesh, compression, foxglove_mesh, recording)
+    tracks = [tracks] if isinstance(tracks, Track) else list(tracks)
+    if not tracks:
+        raise SettingsError("there is no track to write")
+    path = Path(path)
+    with whole_file(path) as part, part.open("wb") as stream:
+        _write(stream, tracks, contents)
+        stream.flush()
+        os.fsync(stream.fileno())
+    return path
 
 
-def write_messages(stream: IO[bytes], tracks: Sequence[Track], choices: Choices) -> None:
+def _write(stream: IO[bytes], tracks: Sequence[Track], contents: RecordingSettings) -> None:
     """Write a whole MCAP file to a stream, messages of all tracks in order of time.
 
     Raises:
@@ -83,8 +107,8 @@ def write_messages(stream: IO[bytes], tracks: Sequence[Track], choices: Choices)
     """
     starts = [int(t.time_ns[0]) for t in tracks if len(t)]
     first = min([*starts, *(e.time_ns for t in tracks for e in t.events)], default=0)
-    writer = RecordingWriter(stream, [(t.name, t.hand) for t in tracks], first, choices)
-    hands = [writer.hand(i, track, first) for i, track in enumerate(tracks)]
+    writer = RecordingWriter(stream, [(t.name, t.hand) for t in tracks], first, contents)
+    hands = [writer.hand(i, track.head, first) for i, track in enumerate(tracks)]
     writer.add([m for hand, track in zip(hands, tracks, strict=True) for m in hand.messages(track)])
     for hand, track in zip(hands, tracks, strict=True):
         hand.summary.add(track)
@@ -98,43 +122,47 @@ class RecordingWriter:
         stream: where to write.
         hands: (name, side) of all hands that there may be.
         first_ns: earliest time in the recording [ns]; MCAP's times cannot be negative.
-        choices: what goes in.
+        contents: what goes in.
     """
 
     def __init__(
-        self, stream: IO[bytes], hands: Sequence[tuple[str, str]], first_ns: int, choices: Choices
+        self,
+        stream: IO[bytes],
+        hands: Sequence[tuple[str, str]],
+        first_ns: int,
+        contents: RecordingSettings,
     ) -> None:
-        self.stream = McapStream(stream, choices.compression, CHUNK_BYTES)
-        self.choices, self.offset = choices, min(first_ns, 0)
+        self.stream = McapStream(stream, contents.compression, CHUNK_BYTES)
+        self.contents, self.offset = contents, min(first_ns, 0)
         self.topics = hand_topics(hands)
         self._schemas: dict[str, int] = {}
-        self._names = dict(zip(self.topics, (encode.text(name) for name, _ in hands), strict=True))
+        self._names = dict(zip(self.topics, (text(name) for name, _ in hands), strict=True))
         self._hands: dict[str, HandWriter] = {}
         values = {
             "format_version": FORMAT_VERSION,
             "version": __version__,
             "time_offset_ns": str(self.offset),
             "hands": json.dumps(self._names),
-            "mesh": str(choices.mesh),
+            "mesh": str(contents.mesh),
         }
         self._metadata: dict[str, dict[str, str]] = {}
         self._record(METADATA, values)
 
-    def hand(self, index: int, head: Track, first_ns: int) -> HandWriter:
-        """Begin a hand with what does not change of its track.
+    def hand(self, index: int, head: Head, first_ns: int) -> HandWriter:
+        """Begin a hand with what does not change of it.
 
         Raises:
             SettingsError: its settings are not plain JSON values.
         """
-        data = encode.hand_message(head)
+        data = encode_hand(head)
         topic = self.topics[index]
         values = {
-            "name": encode.text(head.name),
+            "name": text(head.name),
             "hand": head.hand,
-            "model": encode.text(head.model.name),
-            "limits": encode.text(head.model.limits.name),
+            "model": text(head.model.name),
+            "limits": text(head.model.limits.name),
             "settings": json.dumps(dict(head.settings)),
-            "version": encode.text(head.version),
+            "version": text(head.version),
         }
         self._record(f"{METADATA}/{topic}", values)
         hand = HandWriter(self, index, topic, head)
@@ -176,25 +204,26 @@ class RecordingWriter:
 class HandWriter:
     """The channels of one hand, and its messages as they come, stretch by stretch."""
 
-    def __init__(self, writer: RecordingWriter, index: int, topic: str, head: Track) -> None:
+    def __init__(self, writer: RecordingWriter, index: int, topic: str, head: Head) -> None:
         self._index, self._topic, self._offset = index, topic, writer.offset
-        self._mesh = writer.choices.mesh
+        self._mesh = writer.contents.mesh
         skin = bool(self._mesh.every) and head.n_vertices > 0
-        scene = skin and writer.choices.foxglove_mesh
+        scene = skin and writer.contents.foxglove_mesh
         wanted = {"mesh": skin, "skin": scene}
         self.channel = {
             name: writer.register(f"/{topic}/{name}", schema)
             for name, schema in _TOPICS.items()
             if wanted.get(name, True)
         }
-        self._transforms = encode.TransformEncoder(topic, head.model)
-        self._scene = SceneEncoder(topic, head.faces, head.n_vertices) if scene else None
+        self._model = head.model
+        self._transforms = foxglove.TransformEncoder(topic, head.model)
+        self._scene = foxglove.SceneEncoder(topic, head.faces, head.n_vertices) if scene else None
         self.summary = HandSummary(head)
         self._frames = self._events = self._lines = 0
         self._before = ("fitted", "")
         self._last_ns: int | None = None
 
-    def messages(self, part: Track) -> Sequence[Iterator[Message]]:
+    def messages(self, part: Track | Stretch) -> Sequence[Iterator[Message]]:
         """All of the next frames, each source in order of time.
 
         Raises:
@@ -230,7 +259,7 @@ class HandWriter:
                 self._index,
                 first + i,
                 self.channel["event"],
-                encode.event_message(event),
+                encode_event(event),
             )
             for i, event in sorted(enumerate(events), key=lambda pair: pair[1].time_ns)
         )
@@ -239,20 +268,20 @@ class HandWriter:
         first, self._lines = self._lines, self._lines + len(lines)
         for i, line in enumerate(lines, first):
             time = self._log_time(line.time_ns)
-            data = encode.log_message(time, line.level, line.text, self._topic)
+            data = foxglove.log_message(time, line.level, line.text, self._topic)
             yield time, self._index, i, self.channel["log"], data
 
-    def _states(self, part: Track, first: int) -> Iterator[Message]:
+    def _states(self, part: Track | Stretch, first: int) -> Iterator[Message]:
         for start in range(0, len(part), BATCH):
             frames = slice(start, start + BATCH)
             # modulo 2^64, so right for every pair of int64
             times = part.time_ns[frames].astype(np.uint64) - np.uint64(self._offset % 2**64)
             columns: dict[str, Sequence[bytes | None]] = {
-                "state": encode.state_messages(part, frames),
-                "observed": encode.cloud_messages(times, part.observed[frames]),
-                "fitted": encode.cloud_messages(times, part.fitted_joints[frames]),
+                "state": encode_states(part, frames, self._model),
+                "observed": foxglove.cloud_messages(times, part.observed[frames]),
+                "fitted": foxglove.cloud_messages(times, part.fitted_joints[frames]),
                 "transforms": self._transforms.messages(times, part, frames),
-                "joint_states": encode.joint_state_messages(times, part.angles[frames]),
+                "joint_states": foxglove.joint_state_messages(times, part.angles[frames]),
             }
             if "mesh" in self.channel:
                 columns |= self._skins(times, part, first, start)
@@ -265,13 +294,13 @@ class HandWriter:
                         yield time, self._index, i, channel, data
 
     def _skins(
-        self, times: encode.Times, part: Track, first: int, start: int
+        self, times: foxglove.Times, part: Track | Stretch, first: int, start: int
     ) -> dict[str, list[bytes | None]]:
         """The skin's messages of a batch; None for frames without."""
         picked = np.arange(-(first + start) % self._mesh.every, len(times), self._mesh.every)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            vertices = self._mesh.rounded(part.vertices(picked + start))
-            made = {"mesh": encode.cloud_messages(times[picked], vertices)}
+            vertices = self._mesh.rounded(self._vertices(part, picked + start))
+            made = {"mesh": foxglove.cloud_messages(times[picked], vertices)}
             if self._scene is not None:
                 made["skin"] = self._scene.messages(times[picked], vertices)
         out: dict[str, list[bytes | None]] = {}
@@ -280,3 +309,10 @@ class HandWriter:
             for i, data in zip(picked.tolist(), messages, strict=True):
                 out[name][i] = data
         return out
+
+    def _vertices(self, part: Track | Stretch, frames: NDArray[np.int64]) -> NDArray[np.float64]:
+        """(n, V, 3) skin of some frames, as recorded or as the model has it."""
+        if isinstance(part, Track):
+            return part.vertices(frames)
+        rotation = quaternion_to_matrix(part.quaternion[frames])
+        return self._model.vertices(part.angles[frames], rotation, part.translation[frames])

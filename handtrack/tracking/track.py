@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Protocol
 
@@ -12,24 +12,12 @@ from numpy.typing import NDArray
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.hand.skeleton import ANGLE_JOINT, N_JOINTS, Hand
+from handtrack.mcap.hand import Event as Event
+from handtrack.mcap.hand import Head
+from handtrack.mcap.state import Stretch
 
 Array = NDArray[np.float64]
 STATUSES = ("fitted", "predicted", "lost")
-
-
-@dataclass(frozen=True)
-class Event:
-    """Something worth a line in the log: a loss, a recovery, a rejected joint.
-
-    Attributes:
-        time_ns: when, on the sequence's clock [ns].
-        level: "info" or "warning".
-        text: one line.
-    """
-
-    time_ns: int
-    level: str
-    text: str
 
 
 class Skin(Protocol):
@@ -148,6 +136,22 @@ class Track:
         return len(self.time_ns)
 
     @property
+    def head(self) -> Head:
+        """All that is not of its frames."""
+        return Head(
+            name=self.name,
+            hand=self.hand,
+            model=self.model,
+            settings=self.settings,
+            version=self.version,
+            source=self.source,
+            subject=self.subject,
+            has_truth=self.truth is not None,
+            faces=self.faces,
+            n_vertices=self.n_vertices,
+        )
+
+    @property
     def timed(self) -> bool:
         """Whether the source said how fast time goes; else a rate was assumed."""
         return "time" not in self._assumed
@@ -213,3 +217,41 @@ class Track:
         pick = slice(None) if frames is None else frames
         rotation = quaternion_to_matrix(self.quaternion[pick])
         return self.model.vertices(self.angles[pick], rotation, self.translation[pick])
+
+
+def track_of(stretches: Sequence[Stretch], skin: Skin | None = None) -> Track:
+    """The Track that stretches of one hand make, one or more, in order of time.
+
+    Args:
+        stretches: they.
+        skin: as in `Track`.
+    """
+    first = stretches[0]
+    head, arrays = first.head, first.arrays()
+    if len(stretches) > 1:
+        arrays = {
+            name: None if value is None else np.concatenate([getattr(s, name) for s in stretches])
+            for name, value in arrays.items()
+        }
+    return Track(
+        name=head.name,
+        hand=head.hand,
+        model=head.model,
+        settings=head.settings,
+        version=head.version,
+        source=head.source,
+        subject=head.subject,
+        events=tuple(event for s in stretches for event in s.events),
+        skin=skin,
+        **arrays,
+    )
+
+
+def mean_and_max(distance: Array) -> tuple[Array, Array]:
+    """(T,) mean and greatest of the known values in each row (T, n), NaN where there is none."""
+    known = np.isfinite(distance)
+    count = known.sum(1)
+    with np.errstate(invalid="ignore"):
+        mean = np.where(known, distance, 0).sum(1) / count
+    greatest = np.where(known, distance, -np.inf).max(1)
+    return mean, np.where(count > 0, greatest, np.nan)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from handtrack import __version__
 from handtrack.calibration.calibrate import calibrate as calibrate_hand
 from handtrack.calibration.explain import doubt, explain
 from handtrack.errors import InputError, SettingsError
@@ -19,12 +18,14 @@ from handtrack.fitting import fit
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_JOINTS
 from handtrack.kernels import workspace
+from handtrack.mcap.hand import Event, Head
+from handtrack.mcap.state import Stretch
 from handtrack.sequences.sequence import Remark, Sequence
 from handtrack.tracking.filter_settings import LAG, FilterSettings
 from handtrack.tracking.filters import make_filter
 from handtrack.tracking.gating import PLAIN, REJECTED, Gate, Verdict
 from handtrack.tracking.kalman import Frames
-from handtrack.tracking.track import Event, Track
+from handtrack.tracking.track import Track, track_of
 
 Array = NDArray[np.float64]
 
@@ -319,7 +320,7 @@ def track(
     spread_mm: float = fit.SPREAD_MM,
     collisions: bool = False,
     progress: Callable[[int], None] | None = None,
-    on_part: Callable[[Track], None] | None = None,
+    on_part: Callable[[Stretch], None] | None = None,
 ) -> Track:
     """Track a whole sequence.
 
@@ -395,38 +396,38 @@ def track(
     if any(assumed.values()):
         settings["assumed"] = [name for name, is_so in assumed.items() if is_so]
 
-    def made(part: slice, frames: list[TrackedFrame], events: list[Event]) -> Track:
-        return track_of_frames(
-            frames,
-            hand,
-            settings,
-            name=sequence.name,
-            frame_index=sequence.frame_index[part],
-            truth=None if sequence.truth is None else sequence.truth[part],
-            source=sequence.source,
-            subject=sequence.subject,
-            events=events,
-        )
-
-    frames: list[TrackedFrame] = []
+    head = Head.of(
+        hand,
+        sequence.name,
+        settings,
+        source=sequence.source,
+        subject=sequence.subject,
+        has_truth=sequence.truth is not None,
+    )
     events = [Event(int(sequence.time_ns[0]), "warning", note) for note in notes]
-    untold, before = list(events), None
+    before, done = None, 0
+    stretches: list[Stretch] = []
     for new in _stretches(tracker, sequence):
-        told = sorted(
+        events += sorted(
             frame_events(new, before) + remark_events(sequence.remarks, new),
             key=lambda event: event.time_ns,
         )
         before = new[-1]
-        new = with_remarks(new, sequence.remarks)
-        part = slice(len(frames), len(frames) + len(new))
-        frames += new
-        events += told
+        part = slice(done, done + len(new))
+        stretch = stretch_of_frames(
+            with_remarks(new, sequence.remarks),
+            head,
+            sequence.frame_index[part],
+            None if sequence.truth is None else sequence.truth[part],
+            events,
+        )
+        stretches.append(stretch)
+        events, done = [], part.stop
         if on_part is not None:
-            on_part(made(part, new, untold + told))
-            untold = []
+            on_part(stretch)
         if progress is not None:
-            progress(len(frames))
-    return made(slice(None), frames, events)
+            progress(done)
+    return track_of(stretches)
 
 
 def _stretches(tracker: Tracker, sequence: Sequence) -> Iterator[list[TrackedFrame]]:
@@ -479,38 +480,27 @@ def with_remarks(frames: list[TrackedFrame], remarks: Iterable[Remark]) -> list[
     return out
 
 
-def track_of_frames(
+def stretch_of_frames(
     frames: list[TrackedFrame],
-    model: HandModel,
-    settings: Mapping[str, Any],
-    *,
-    name: str,
+    head: Head,
     frame_index: ArrayLike,
     truth: Array | None = None,
-    source: str = "",
-    subject: str = "",
     events: Iterable[Event] = (),
-) -> Track:
-    """The Track that frames make, one or more, in order of time.
+) -> Stretch:
+    """The stretch that frames make, one or more, in order of time.
 
     Args:
         frames: as `Tracker.step` returns them.
-        model: the hand that was fitted.
-        settings, name, frame_index, truth, source, subject, events: as in `Track`.
+        head: what does not change of the hand.
+        frame_index, truth, events: as in `Track`.
     """
     arrays: dict[str, Any] = {
         f.name: np.array([getattr(frame, f.name) for frame in frames]) for f in fields(TrackedFrame)
     }
-    return Track(
-        name=name,
-        hand=model.hand,
+    return Stretch(
         frame_index=np.array(frame_index, np.int64),
         truth=truth,
-        model=model,
-        settings=settings,
-        version=__version__,
-        source=source,
-        subject=subject,
+        head=head,
         events=tuple(events),
         **arrays,
     )

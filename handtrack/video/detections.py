@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import HandtrackError, InputError
+from handtrack.files.pictures import pictures_in
 from handtrack.files.whole import whole_file
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
 from handtrack.sequences.sequence import Sequence
 from handtrack.video.detector import Detection, Detector, MediaPipeDetector
 from handtrack.video.hand_tracks import HandTracks
-from handtrack.video.media import kind, pictures
+from handtrack.video.media import pictures
 
 Array = NDArray[np.float64]
 
@@ -128,7 +129,7 @@ def detect(
         SettingsError: MediaPipe or its model is missing.
     """
     own = detector is None
-    still = kind(source) != "video"
+    still = pictures_in(source) != "video"
     detector = detector or MediaPipeDetector(model, still=still)
     tracks = HandTracks(linked=not still)
     rows: list[list[tuple[int, Detection]]] = []

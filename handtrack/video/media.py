@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError, SettingsError
+from handtrack.files.pictures import images_in, pictures_in
 from handtrack.sequences.clock import check_fps
 from handtrack.video.orientation import upright, way_of_frame, way_of_image
 
-Kind = Literal["video", "image", "images"]
 IMAGE_FPS = 30.0
 """Frames per second of a folder of images, which says nothing of time."""
-_VIDEO_BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip")
-_STILLS = (b"avif", b"avis", b"heic", b"heix", b"mif1")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,30 +36,11 @@ class Picture:
     path: Path
 
 
-def kind(path: Path) -> Kind | None:
-    """What a path holds, by content: a video, an image, a folder of images; None: none of it."""
-    if path.is_dir():
-        return "images" if _images(path) else None
-    if not path.is_file():
-        return None
-    with path.open("rb") as stream:
-        head = stream.read(16)
-    if head.startswith((b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"BM")) or (
-        head[:4] == b"RIFF" and head[8:12] == b"WEBP"
-    ):
-        return "image"
-    if head[4:8] in _VIDEO_BOXES and head[8:12] not in _STILLS:
-        return "video"
-    if head.startswith(b"\x1aE\xdf\xa3") or (head[:4] == b"RIFF" and head[8:12] == b"AVI "):
-        return "video"
-    return None
-
-
 def pictures(path: Path, fps: float | None = None) -> Iterator[Picture]:
     """The frames of a video, an image or a folder of images (in order of name), one by one.
 
     Args:
-        path: what `kind` names.
+        path: what `pictures_in` names.
         fps: frames per second, instead of a video's time stamps; of a folder: 30 by default.
 
     Raises:
@@ -69,22 +48,22 @@ def pictures(path: Path, fps: float | None = None) -> Iterator[Picture]:
         SettingsError: the extra `video` is not installed, or an fps that is none.
     """
     check_fps(fps)
-    what = kind(path)
+    what = pictures_in(path)
     if what is None:
         raise InputError("neither a video nor an image nor a folder of images", path)
     if what == "video":
         yield from _video(path, fps)
         return
-    files = _images(path) if what == "images" else [path]
+    files = images_in(path) if what == "images" else [path]
     for i, file in enumerate(files):
         yield Picture(i, round(i / (fps or IMAGE_FPS) * 1e9), read_image(file), file)
 
 
 def count(path: Path) -> int:
     """About how many frames there are; 0 where the file does not say."""
-    what = kind(path)
+    what = pictures_in(path)
     if what == "images":
-        return len(_images(path))
+        return len(images_in(path))
     if what == "image":
         return 1
     with _open(path) as container:
@@ -105,12 +84,6 @@ def read_image(path: Path) -> NDArray[np.uint8]:
         for frame in _decoded(container, path):
             return upright(frame.to_ndarray(format="rgb24"), way_of_image(path))
     raise InputError("the image holds no picture", path)
-
-
-def _images(folder: Path) -> list[Path]:
-    """The folder's images; none where it holds other files as well."""
-    files = sorted(p for p in folder.iterdir() if p.is_file() and not p.name.startswith("."))
-    return files if all(kind(p) == "image" for p in files) else []
 
 
 def _video(path: Path, fps: float | None) -> Iterator[Picture]:

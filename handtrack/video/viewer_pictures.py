@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from handtrack.errors import HandtrackError
 from handtrack.hand.skeleton import N_JOINTS
-from handtrack.recording.topics import hand_topics
+from handtrack.mcap.hand import hand_topics
 from handtrack.tracking.track import Track
 from handtrack.video.media import pictures
 from handtrack.video.optional import opencv

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from handtrack.hand.limits import Limits
 from handtrack.hand.normals import VertexNormals
 from handtrack.hand.skeleton import ANGLE_JOINT, BONES, FINGERS, JOINT_NAMES
-from handtrack.recording.distances import mean_and_max
 from handtrack.recording.log_lines import log_lines
-from handtrack.tracking.track import Track
+from handtrack.tracking.track import Track, mean_and_max
 from handtrack.viewer import style
 from handtrack.viewer.abilities import draws_states
 from handtrack.viewer.limit_marks import HELD, OUTSIDE, limit_marks

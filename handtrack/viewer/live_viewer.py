@@ -14,8 +14,10 @@ import numpy as np
 
 from handtrack.errors import HandtrackError, SettingsError
 from handtrack.hand.limits import Limits
-from handtrack.recording.window import rows
-from handtrack.tracking.track import Track
+from handtrack.mcap.hand import Head
+from handtrack.mcap.state import Stretch
+from handtrack.recording.parts import rows
+from handtrack.tracking.track import Track, track_of
 from handtrack.viewer.blueprint import blueprint
 from handtrack.viewer.eye import Seen, eye
 from handtrack.viewer.hand_log import HandLog
@@ -150,19 +152,20 @@ class LiveViewer:
 
     def flush(self) -> None:
         """Send what waits."""
-        from handtrack.tracking.tracker import track_of_frames
+        from handtrack.tracking.tracker import stretch_of_frames
 
         for name, waiting in self._waiting.items():
             frames = [frame for frame, _, _ in waiting]
             tracker = waiting[0][1]
             numbers = [number for _, _, number in waiting]
-            model, settings = tracker.model, tracker.settings
-            self.add(track_of_frames(frames, model, settings, name=name, frame_index=numbers), name)
+            head = Head.of(tracker.model, name, tracker.settings)
+            self.add(stretch_of_frames(frames, head, numbers), name)
         self._waiting.clear()
         self._sent = time.monotonic()
 
-    def add(self, part: Track, name: str) -> None:
+    def add(self, part: Track | Stretch, name: str) -> None:
         """Show the next frames of the hand that is called so, in order of time."""
+        part = track_of([part]) if isinstance(part, Stretch) else part
         if self._recording is None or not len(part) or not self.open:
             return
         if name not in self._hands:

@@ -11,8 +11,7 @@ import numpy as np
 from handtrack.errors import SettingsError
 from handtrack.files.whole import whole_file
 from handtrack.hand.limits import Limits
-from handtrack.recording.distances import mean_and_max
-from handtrack.tracking.track import Track
+from handtrack.tracking.track import Track, mean_and_max
 from handtrack.viewer import style
 from handtrack.viewer.blueprint import blueprint
 from handtrack.viewer.hand_log import HandLog, indexes

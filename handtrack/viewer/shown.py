@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.recording.topics import hand_topics
-from handtrack.tracking.track import Event, Track
+from handtrack.mcap.hand import Event, hand_topics
+from handtrack.tracking.track import Track
 
 Array = NDArray[np.float64]
 

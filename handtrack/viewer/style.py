@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from handtrack.hand.skeleton import ANGLE_NAMES, FINGERS
-from handtrack.recording.scene import SKIN
+from handtrack.mcap.foxglove import SKIN
 
 Colour = tuple[int, int, int, int]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from made_tracks import make_track
 
-from handtrack.recording.tracks import write_mcap
+from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import Track
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from handtrack.errors import InputError
 from handtrack.hand.model import HandModel
-from handtrack.recording.tracks import read_mcap
+from handtrack.recording.read import read_mcap
 from handtrack.tracking.track import Track
 
 

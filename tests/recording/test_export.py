@@ -23,7 +23,7 @@ from handtrack.exporting.dress import dressed
 from handtrack.hand.reshape import reshaped
 from handtrack.hand.rotations import matrix_to_quaternion, vector_to_matrix
 from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES
-from handtrack.recording.tracks import write_mcap
+from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import Track
 
 Z_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])

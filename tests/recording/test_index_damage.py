@@ -18,7 +18,8 @@ from handtrack.mcap.index import read_index
 from handtrack.mcap.stream import McapStream
 from handtrack.recording import write
 from handtrack.recording.info import info
-from handtrack.recording.tracks import read_mcap, write_mcap
+from handtrack.recording.read import read_mcap
+from handtrack.recording.write import write_mcap
 from tools.bench import damage
 
 

@@ -16,11 +16,12 @@ from handtrack.errors import InputError, SettingsError
 from handtrack.hand.model import HandModel
 from handtrack.mcap.index import read_index
 from handtrack.recording.info import info
-from handtrack.recording.mesh_choice import MeshChoice
+from handtrack.recording.read import read_mcap
 from handtrack.recording.recorder import McapRecorder
 from handtrack.recording.recover import recover
+from handtrack.recording.settings import MeshChoice
 from handtrack.recording.summary import Spread
-from handtrack.recording.tracks import read_mcap, write_mcap
+from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import Track
 
 DATA = Path(__file__).parent / "data"

@@ -20,8 +20,9 @@ from handtrack.mcap import stream as mcap_stream
 from handtrack.mcap.schema import message_class
 from handtrack.recording import write as mcap_write
 from handtrack.recording.info import info
+from handtrack.recording.read import read_mcap
 from handtrack.recording.recover import recover
-from handtrack.recording.tracks import read_mcap, write_mcap
+from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import Track
 
 
@@ -218,10 +219,11 @@ def _with_states(path: Path, states: list[bytes], model: bytes | None) -> Path:
 
 
 def test_files_that_keep_the_container_but_not_the_contract(tmp_path: Path) -> None:
-    from handtrack.recording.encode import hand_message, state_messages
+    from handtrack.mcap.hand import encode_hand
+    from handtrack.mcap.state import encode_states
 
     track, path = make_track(3, lost=slice(0, 0)), tmp_path / "x.mcap"
-    hand, states = hand_message(track), state_messages(track, slice(None))
+    hand, states = encode_hand(track.head), encode_states(track, slice(None), track.model)
     assert differences(track, read_mcap(_with_states(path, states, hand))[0]) == ["events"]
 
     def error(states: list[bytes], model: bytes | None) -> str:
@@ -255,16 +257,17 @@ def test_files_that_keep_the_container_but_not_the_contract(tmp_path: Path) -> N
 
 
 def test_a_frame_cut_out_of_the_middle(tmp_path: Path) -> None:
-    from handtrack.recording.encode import hand_message, state_messages
+    from handtrack.mcap.hand import encode_hand
+    from handtrack.mcap.state import encode_states
 
     track = make_track(3)
 
     def fill(writer: mcap_stream.McapStream) -> None:
         writer.metadata("handtrack", {"format_version": "1"})
         hand, state = (writer.schema(f"handtrack.{n}", "protobuf", b"") for n in ("Hand", "State"))
-        writer.message(writer.channel("/a/model", "protobuf", hand), 0, 0, hand_message(track))
+        writer.message(writer.channel("/a/model", "protobuf", hand), 0, 0, encode_hand(track.head))
         channel = writer.channel("/a/state", "protobuf", state)
-        for i, data in enumerate(state_messages(track, slice(None))):
+        for i, data in enumerate(encode_states(track, slice(None), track.model)):
             if i != 1:
                 writer.message(channel, i, i, data)
 

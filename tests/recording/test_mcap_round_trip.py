@@ -17,7 +17,8 @@ from handtrack.errors import HandtrackError, InputError, SettingsError
 from handtrack.hand.limits import Limits
 from handtrack.hand.model import HandModel
 from handtrack.recording import write as mcap_write
-from handtrack.recording.tracks import read_mcap, write_mcap
+from handtrack.recording.read import read_mcap
+from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import STATUSES, Event, Track
 
 INT64 = st.integers(-(2**63), 2**63 - 1)

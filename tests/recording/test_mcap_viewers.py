@@ -14,7 +14,7 @@ from recording_checks import decoder, messages
 
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.hand.skeleton import ANGLE_NAMES, PART_JOINT, PART_NAMES
-from handtrack.recording.tracks import write_mcap
+from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import Event, Track
 
 Messages = dict[str, list[tuple[int, Any, bytes]]]

@@ -13,8 +13,9 @@ from recording_checks import differences
 
 import handtrack as ht
 from handtrack.errors import HandtrackError, InputError, SettingsError
+from handtrack.recording.read import read_mcap
 from handtrack.recording.recorder import McapRecorder
-from handtrack.recording.tracks import read_mcap, write_mcap
+from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import Event, Track
 
 

@@ -18,7 +18,7 @@ from recording_checks import decoder, messages
 from screens import lacking
 
 from handtrack.recording.recorder import McapRecorder
-from handtrack.recording.tracks import write_mcap
+from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import Track
 from handtrack.viewer.process import _executable
 

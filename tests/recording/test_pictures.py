@@ -16,7 +16,7 @@ from screens import Screen
 
 import handtrack as ht
 from handtrack.cli import run
-from handtrack.recording.tracks import write_mcap
+from handtrack.recording.write import write_mcap
 from handtrack.viewer.live_viewer import LiveViewer
 from handtrack.viewer.replay import replay
 

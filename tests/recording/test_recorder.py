@@ -20,8 +20,9 @@ from recording_checks import differences, messages
 
 from handtrack.errors import HandtrackError, InputError, SettingsError
 from handtrack.hand.model import HandModel
+from handtrack.recording.read import follow_mcap, read_mcap
 from handtrack.recording.recorder import McapRecorder
-from handtrack.recording.tracks import follow_mcap, read_mcap, write_mcap
+from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import Event, Track
 from handtrack.tracking.tracker import TrackedFrame
 

@@ -23,8 +23,8 @@ from sockets import listening
 from handtrack.errors import HandtrackError, InputError, SettingsError
 from handtrack.hand.limits import preset
 from handtrack.hand.skeleton import ANGLE_JOINT, FINGERS
-from handtrack.recording.tracks import write_mcap
-from handtrack.recording.window import rows
+from handtrack.recording.parts import rows
+from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import Track
 from handtrack.viewer import style
 from handtrack.viewer.eye import Seen, eye

@@ -14,9 +14,9 @@ from recording_checks import differences
 from handtrack.errors import SettingsError
 from handtrack.hand.limits import preset
 from handtrack.hand.skeleton import ANGLE_NAMES
-from handtrack.recording.cut import read_part
-from handtrack.recording.tracks import write_mcap
-from handtrack.recording.window import pick, rows
+from handtrack.recording.parts import pick, rows
+from handtrack.recording.read import read_part
+from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import Track
 from handtrack.viewer.limit_marks import HELD, INSIDE, OUTSIDE, limit_marks
 from handtrack.viewer.shown import Run, counterpart, later, on_one_clock, origin_ns, shown

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handtrack.recording.topics import hand_topics
+from handtrack.mcap.hand import hand_topics
 
 
 @pytest.mark.parametrize(

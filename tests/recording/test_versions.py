@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from handtrack.recording.hand_reader import VERSIONS
-from handtrack.recording.tracks import read_mcap
+from handtrack.mcap.hands import VERSIONS
+from handtrack.recording.read import read_mcap
 from handtrack.recording.write import FORMAT_VERSION
 
 DATA = Path(__file__).parent / "data"

@@ -4,13 +4,14 @@ import json
 
 import numpy as np
 import pytest
-from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorSet
-from google.protobuf.descriptor_pool import DescriptorPool
-from google.protobuf.message_factory import GetMessageClass
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType, IndexType, Writer
 
 import handtrack as ht
 from handtrack.hand.skeleton import JOINT_NAMES
+from handtrack.mcap.hand import Head, encode_hand
+from handtrack.mcap.schema import descriptor_set, message_class
+from handtrack.mcap.state import ARRAYS
+from handtrack.recording.write import write_mcap
 
 START = 1_782_897_167_604_809_000
 STEP = 33_333_333
@@ -175,72 +176,49 @@ def test_no_joint_messages(tmp_path):
         ht.load(tmp_path / "b.mcap")
 
 
-def descriptors(arrays):
-    """handtrack.Hand and handtrack.State; arrays as bytes or as repeated doubles."""
-    kinds = FieldDescriptorProto
-    out = FileDescriptorSet()
-    file = out.file.add(name="handtrack.proto", package="handtrack", syntax="proto3")
-    hand = file.message_type.add(name="Hand")
-    for i, name in enumerate(["hand", "sequence_name", "subject", "source"], 1):
-        hand.field.add(name=name, number=i, type=kinds.TYPE_STRING, label=kinds.LABEL_OPTIONAL)
-    state = file.message_type.add(name="State")
-    state.field.add(name="frame_index", number=1, type=kinds.TYPE_INT64, label=kinds.LABEL_OPTIONAL)
-    for i, name in enumerate(["observed", "confidence", "truth"], 2):
-        if arrays == "bytes":
-            kind, label = kinds.TYPE_BYTES, kinds.LABEL_OPTIONAL
-        else:
-            kind, label = kinds.TYPE_DOUBLE, kinds.LABEL_REPEATED
-        state.field.add(name=name, number=i, type=kind, label=label)
-    return out
-
-
-def write_own(path, hands, arrays="bytes", offset=0, change=None):
-    """hands: {topic: (hand, name, time_ns, joints, confidence, truth)}."""
-    described = descriptors(arrays)
-    pool = DescriptorPool()
-    for file in described.file:
-        pool.Add(file)
-    hand_type = GetMessageClass(pool.FindMessageTypeByName("handtrack.Hand"))
-    state_type = GetMessageClass(pool.FindMessageTypeByName("handtrack.State"))
-    schema_text = described.SerializeToString()
-
-    def pack(values):
-        flat = np.asarray(values, dtype="<f8").ravel()
-        return flat.tobytes() if arrays == "bytes" else flat.tolist()
-
+def write_own(path, hands, version="2", offset=0, change=None):
+    """hands: {topic: (hand, name, time_ns, joints, confidence, truth)}; all else is zero."""
+    hand_type, state_type = message_class("handtrack.Hand"), message_class("handtrack.State")
     with path.open("wb") as stream:
         writer = Writer(stream, chunk_size=4096)
         writer.start()
-        writer.add_metadata("handtrack", {"time_offset_ns": str(offset)})
-        hand_schema = writer.register_schema("handtrack.Hand", "protobuf", schema_text)
-        state_schema = writer.register_schema("handtrack.State", "protobuf", schema_text)
+        writer.add_metadata("handtrack", {"format_version": version, "time_offset_ns": str(offset)})
+        schema = {
+            name: writer.register_schema(name, "protobuf", descriptor_set(name))
+            for name in ("handtrack.Hand", "handtrack.State")
+        }
         for topic, (hand, name, time_ns, joints, confidence, truth) in hands.items():
-            model = writer.register_channel(f"/{topic}/model", "protobuf", hand_schema)
-            states = writer.register_channel(f"/{topic}/state", "protobuf", state_schema)
-            about = hand_type(hand=hand, sequence_name=name, subject="A", source="x.npz")
+            model = writer.register_channel(f"/{topic}/model", "protobuf", schema["handtrack.Hand"])
+            states = writer.register_channel(
+                f"/{topic}/state", "protobuf", schema["handtrack.State"]
+            )
+            side = hand if hand in ("left", "right") else "left"
+            head = Head.of(
+                ht.HandModel.default(side), name, {}, subject="A", has_truth=truth is not None
+            )
+            about = hand_type.FromString(encode_hand(head))
+            about.hand = hand
             writer.add_message(model, int(time_ns[0]) - offset, about.SerializeToString(), 0)
             for i, time in enumerate(time_ns):
-                state = state_type(
-                    frame_index=100 + i, observed=pack(joints[i]), confidence=pack(confidence[i])
-                )
+                state = state_type(time_ns=int(time), frame_index=100 + i)
+                for field in ARRAYS:
+                    if field.since <= int(version) and field.name != "truth":
+                        getattr(state, field.name).extend(np.zeros(field.size))
+                state.observed[:] = joints[i].ravel()
+                state.confidence[:] = confidence[i]
                 if truth is not None:
-                    value = pack(truth[i])
-                    if arrays == "bytes":
-                        state.truth = value
-                    else:
-                        state.truth.extend(value)
+                    state.truth.extend(truth[i].ravel())
                 if change is not None:
                     change(i, state)
-                writer.add_message(states, int(time) - offset, state.SerializeToString(), 0)
-        mesh = writer.register_channel("/mesh", "protobuf", state_schema)  # not a state topic
-        del mesh
+                data = state.SerializeToString()
+                writer.add_message(states, int(time) - offset, data, 0, sequence=i)
         writer.finish()
     return path
 
 
-@pytest.mark.parametrize("arrays", ["bytes", "repeated"])
+@pytest.mark.parametrize("version", ["1", "2"])
 @pytest.mark.parametrize("first", [0, -(10**9), START])
-def test_own_recording(tmp_path, left, right, arrays, first):
+def test_own_recording(tmp_path, left, right, version, first):
     observed = right.copy()
     observed[3] = np.nan
     observed[4, 7] = np.nan
@@ -250,7 +228,7 @@ def test_own_recording(tmp_path, left, right, arrays, first):
         "left": ("left", "grab left", time, left, np.ones((12, 21)), None),
         "right": ("right", "grab right", time, observed, confidence, right),
     }
-    path = write_own(tmp_path / "run.mcap", hands, arrays, min(0, first))
+    path = write_own(tmp_path / "run.mcap", hands, version, min(0, first))
     a, b = ht.load(path)
     np.testing.assert_array_equal(a.joints, left)
     np.testing.assert_array_equal(b.joints, observed)
@@ -270,34 +248,65 @@ def test_bad_own_recordings(tmp_path, right):
     hands = {"right": ("right", "a", time, right, confidence, right)}
 
     def cut(i, state):
-        state.observed = state.observed[:-8]
+        del state.observed[62:]
 
     def sometimes(i, state):
         if i == 5:
-            state.truth = b""
-
-    def odd(i, state):
-        state.confidence = b"123"
+            del state.truth[:]
 
     for change, message in [
-        (cut, "right/state, message 0: observed has 62 numbers, expected 63"),
-        (sometimes, "11 of 12 messages have a truth"),
-        (odd, "confidence is 3 bytes, expected 168"),
+        (cut, "observed has 62 numbers, expected 63"),
+        (sometimes, "truth has 0 numbers, expected 63"),
     ]:
         with pytest.raises(ht.InputError, match=message):
             ht.load(write_own(tmp_path / "a.mcap", hands, change=change))
-    hands = {"right": ("both", "a", time, right, confidence, None)}
-    with pytest.raises(ht.InputError, match="/right/model: hand is 'both'"):
-        ht.load(write_own(tmp_path / "a.mcap", hands))
+    both = {"right": ("both", "a", time, right, confidence, None)}
+    with pytest.raises(ht.InputError, match="/right/model: a both hand with a left hand's model"):
+        ht.load(write_own(tmp_path / "a.mcap", both))
+    with pytest.raises(ht.InputError, match="format version 3, this handtrack reads 1 and 2"):
+        ht.load(write_own(tmp_path / "a.mcap", hands, version="3"))
     with pytest.raises(ht.InputError, match=r"without handtrack\.State messages"):
         ht.load(write_own(tmp_path / "a.mcap", {}))
 
 
+@pytest.mark.parametrize("how", ["cut", "flipped"])
+def test_damaged_files_are_refused(tmp_path, right, how):
+    frames = [{"bone_data": bones(j, "Right")} for j in right]
+    path = write_json(tmp_path / "a.mcap", {"/hand": frames}, chunk_size=4000)
+    data = bytearray(path.read_bytes())
+    half = len(data) // 2
+    if how == "flipped":
+        data[half] ^= 1
+    path.write_bytes(data[:half] if how == "cut" else data)
+    with pytest.raises(ht.InputError, match="damaged"):
+        ht.load(path)
+
+
+def test_messages_out_of_order_and_files_without_an_index(tmp_path, right):
+    """Legal MCAP of other writers: no summary, no checksums, times in any order."""
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(
+            stream,
+            enable_crcs=False,
+            index_types=IndexType.NONE,
+            repeat_channels=False,
+            use_statistics=False,
+            use_summary_offsets=False,
+        )
+        writer.start()
+        channel = writer.register_channel("/hand", "json", 0)
+        for i in (3, 0, 2, 1):
+            data = json.dumps({"joints": right[i].tolist(), "hand": "right"}).encode()
+            writer.add_message(channel, START + i * STEP, data, 0)
+        writer.finish()
+    (sequence,) = ht.load(path)
+    np.testing.assert_array_equal(sequence.joints, right[:4])
+
+
 def test_what_the_recorder_writes(tmp_path, left):
-    """The recorder and this reader are written apart: they must agree on the file."""
-    io = pytest.importorskip("handtrack.recording.tracks")
     track = make_track(left)
-    io.write_mcap([track], tmp_path / "t.mcap")
+    write_mcap([track], tmp_path / "t.mcap")
     (sequence,) = ht.load(tmp_path / "t.mcap")
     np.testing.assert_array_equal(sequence.joints, track.observed)
     np.testing.assert_array_equal(sequence.confidence, track.confidence)

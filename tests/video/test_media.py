@@ -7,7 +7,8 @@ import pytest
 from clips import write_image, write_video
 
 from handtrack.errors import InputError
-from handtrack.video.media import count, kind, pictures, read_image
+from handtrack.files.pictures import pictures_in
+from handtrack.video.media import count, pictures, read_image
 
 pytest.importorskip("av", reason="the extra video is not installed")
 
@@ -19,7 +20,7 @@ def test_times_of_a_variable_frame_rate_are_the_files_own(tmp_path):
     path = tmp_path / "a.mp4"
     write_video(path, TICKS)
     found = list(pictures(path))
-    assert kind(path) == "video"
+    assert pictures_in(path) == "video"
     assert [p.time_ns for p in found] == [t * 1_000_000 for t in TICKS]
     assert [p.index for p in found] == [0, 1, 2, 3, 4]
     assert found[0].rgb.shape == (48, 64, 3)
@@ -41,13 +42,13 @@ def test_a_given_rate_replaces_the_times(tmp_path):
 def test_images_of_a_folder_come_in_order_of_name(tmp_path):
     for name, bright in (("b.png", 90), ("a.png", 40)):
         write_image(tmp_path / name, bright)
-    assert kind(tmp_path) == "images"
+    assert pictures_in(tmp_path) == "images"
     found = list(pictures(tmp_path))
     assert [p.path.name for p in found] == ["a.png", "b.png"]
     assert [int(p.rgb[0, 0, 0]) for p in found] == [40, 90]
     assert int(read_image(tmp_path / "b.png").max()) == 90
     (tmp_path / "joints.csv").write_text("1,2,3")
-    assert kind(tmp_path) is None
+    assert pictures_in(tmp_path) is None
 
 
 def test_a_video_cut_short_gives_its_frames_and_then_an_error(tmp_path):

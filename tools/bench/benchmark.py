@@ -38,7 +38,7 @@ from handtrack.hand.limits import DEFAULT_LIMITS, PRESETS
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.kernels import frame_loop as frames
-from handtrack.recording.tracks import write_mcap
+from handtrack.recording.write import write_mcap
 from handtrack.sequences.sequence import Sequence
 from handtrack.tracking.track import Track
 from handtrack.tracking.tracker import Tracker, track

@@ -27,10 +27,10 @@ import numpy as np
 from handtrack.errors import HandtrackError
 from handtrack.hand.model import HandModel
 from handtrack.recording import write
-from handtrack.recording.cut import read_part
 from handtrack.recording.info import info
+from handtrack.recording.read import read_mcap, read_part
 from handtrack.recording.recover import recover
-from handtrack.recording.tracks import read_mcap, write_mcap
+from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import Event, Track
 
 COMPRESSIONS = ("lz4", "zstd", "none")

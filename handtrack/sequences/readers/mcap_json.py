@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -21,7 +21,6 @@ from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.readers.found import hands_in, is_blank
 from handtrack.sequences.readers.jsontext import decode
-from handtrack.sequences.readers.mcap_file import McapFile, Message
 from handtrack.sequences.readers.raw import (
     Array,
     NotJointsError,
@@ -35,6 +34,20 @@ from handtrack.sequences.readers.records import read_records
 _WORD = re.compile(r"(?<![a-z])(left|right)(?![a-z])")
 SAME_CLOCK_NS = 60 * 10**9
 """A message's own stamp this near to its log time is one of the same clock, in nanoseconds."""
+
+
+class Message(NamedTuple):
+    """A JSON message.
+
+    Attributes:
+        topic: where it was sent.
+        log_time: [ns].
+        data: the message.
+    """
+
+    topic: str
+    log_time: int
+    data: bytes
 
 
 class _Position(msgspec.Struct):
@@ -68,17 +81,20 @@ class _Bones(msgspec.Struct):
     confidence: list[float | None] | float | None = None
 
 
-def read(file: McapFile, path: Path) -> list[Raw]:
+def read(messages: list[Message], path: Path) -> list[Raw]:
     """The sequences of the JSON topics, of each hand in a topic that carries joints.
+
+    Args:
+        messages: in the order of their log times.
+        path: of the file.
 
     Raises:
         NotJointsError: no topic carries joints.
         InputError: a message that does not fit, with its topic and number.
     """
     by_topic: dict[str, list[Message]] = {}
-    for message in file.messages:
-        if message.encoding == "json":
-            by_topic.setdefault(message.topic, []).append(message)
+    for message in messages:
+        by_topic.setdefault(message.topic, []).append(message)
     raws: list[Raw] = []
     topics: list[str] = []
     for topic, messages in sorted(by_topic.items()):

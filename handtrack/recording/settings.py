@@ -1,8 +1,8 @@
-"""Which frames of the skin a recording holds, and how exactly."""
+"""What goes into a recording, and how."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from handtrack.errors import SettingsError
 
 STEPS_PER_METRE = 2**13
 """Of a quantised mesh: 0.122 mm, a power of two so that float32 holds it with few digits."""
+COMPRESSIONS = ("lz4", "zstd", "none")
 EXPECTED = "full, quantised, every N, none, or quantised with every N, as in quantised,every:5"
 
 
@@ -65,3 +66,48 @@ class MeshChoice:
         if not self.quantised:
             return vertices
         return np.asarray(np.rint(vertices * STEPS_PER_METRE) / STEPS_PER_METRE)
+
+
+@dataclass(frozen=True)
+class RecordingSettings:
+    """What goes into a recording, and how.
+
+    Attributes:
+        mesh: which skins, and how exactly.
+        compression: of chunks: "lz4", "zstd" or "none".
+        foxglove_mesh: the same skins as foxglove.SceneUpdate too.
+
+    Raises:
+        SettingsError: compression is unknown, or a scene is wanted without a mesh.
+    """
+
+    mesh: MeshChoice = field(default_factory=MeshChoice)
+    compression: str = "lz4"
+    foxglove_mesh: bool = False
+
+    def __post_init__(self) -> None:
+        if self.compression not in COMPRESSIONS:
+            known = ", ".join(COMPRESSIONS)
+            raise SettingsError(
+                f"compression {self.compression!r} is unknown, expected one of {known}"
+            )
+        if self.foxglove_mesh and not self.mesh.every:
+            raise SettingsError("a mesh for Foxglove needs a mesh, but mesh is none")
+
+    @staticmethod
+    def of(
+        mesh: MeshChoice | str | bool,
+        compression: str,
+        foxglove_mesh: bool,
+        whole: RecordingSettings | None = None,
+    ) -> RecordingSettings:
+        """The settings that the arguments of `write_mcap` and `McapRecorder` say.
+
+        Raises:
+            SettingsError: one makes no sense, or is given beside the whole.
+        """
+        if whole is None:
+            return RecordingSettings(MeshChoice.of(mesh), compression, foxglove_mesh)
+        if (mesh, compression, foxglove_mesh) != ("full", "lz4", False):
+            raise SettingsError("give a recording's settings as a whole, or one by one, not both")
+        return whole

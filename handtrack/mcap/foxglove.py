@@ -1,129 +1,28 @@
-"""Frames of a Track as the bytes of MCAP messages, a batch of frames at a time."""
+"""What other programs draw of a recording: Foxglove, Rerun and ROS 2 know these messages."""
 
 from __future__ import annotations
 
-import json
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.errors import SettingsError
-from handtrack.hand.mano_pose import to_mano
 from handtrack.hand.model import HandModel
-from handtrack.hand.rotations import matrix_to_quaternion, quaternion_to_matrix
-from handtrack.hand.skeleton import (
-    ANGLE_NAMES,
-    JOINT_NAMES,
-    N_ANGLES,
-    N_PARTS,
-    PART_JOINT,
-    PART_NAMES,
-)
+from handtrack.hand.rotations import matrix_to_quaternion
+from handtrack.hand.skeleton import ANGLE_NAMES, N_ANGLES, N_PARTS, PART_JOINT, PART_NAMES
+from handtrack.mcap.hand import text
 from handtrack.mcap.layout import Layout, tag, timestamps, varint
 from handtrack.mcap.schema import message_class
-from handtrack.mcap.state_fields import ARRAYS
-from handtrack.tracking.track import Event, Track
 
 Array = NDArray[np.float64]
 Times = NDArray[np.uint64]
 
 _FLOAT32 = 7  # foxglove.PackedElementField.FLOAT32
+SKIN = (226, 178, 148)
+"""Its colour, red, green, blue."""
+_POINT = 29  # bytes of a Point3 in a list: tag, length, three tagged doubles
 _LOG_LEVEL = {"info": 2, "warning": 3}
 _PART_PARENT = np.array([0] + [0 if i == 0 else 3 * f + i for f in range(5) for i in range(3)])
-
-
-def text(value: str) -> str:
-    """The text as it can be written: a lone surrogate (of an odd file name) as its escape."""
-    return value.encode("utf-8", "backslashreplace").decode("utf-8")
-
-
-def hand_message(track: Track) -> bytes:
-    """handtrack.Hand: all of a Track that doesn't change.
-
-    Raises:
-        SettingsError: the settings are not plain JSON values, or the model is the other hand's.
-    """
-    if track.hand != track.model.hand:
-        raise SettingsError(
-            f"{track.name} is a {track.hand} hand with a {track.model.hand} hand's model"
-        )
-    try:
-        settings = json.dumps(dict(track.settings))
-    except (TypeError, ValueError) as error:
-        raise SettingsError(f"settings of {track.name} cannot be written: {error}") from error
-    model = track.model
-    message = message_class("handtrack.Hand")(
-        hand=track.hand,
-        sequence_name=text(track.name),
-        subject=text(track.subject),
-        source=text(track.source),
-        version=text(track.version),
-        settings=settings,
-        has_truth=track.truth is not None,
-        joint_names=JOINT_NAMES,
-        angle_names=ANGLE_NAMES,
-    )
-    out = message.model
-    out.name, out.hand, out.licensed = text(model.name), model.hand, model.licensed
-    out.limits_name = text(model.limits.name)
-    out.thumb_twist = model.thumb_twist
-    out.limits_lower.extend(model.limits.lower)
-    out.limits_upper.extend(model.limits.upper)
-    out.rest_joints.extend(model.rest_joints.ravel())
-    out.axes.extend(model.axes.ravel())
-    out.shape.extend(model.shape)
-    out.faces.extend(track.faces.ravel())
-    out.n_vertices = track.n_vertices
-    if not model.licensed:
-        out.rest_vertices.extend(model.rest_vertices.ravel())
-        out.weights.extend(model.weights.ravel())
-    return bytes(message.SerializeToString())
-
-
-def state_messages(track: Track, frames: slice) -> list[bytes]:
-    """handtrack.State of each frame."""
-    layout = Layout().number(1, "time_ns").number(2, "frame_index")
-    values: dict[str, NDArray[np.generic]] = {
-        "time_ns": track.time_ns[frames].astype("<i8"),
-        "frame_index": track.frame_index[frames].astype("<i8"),
-        "objective": track.objective[frames].astype("<f8"),
-        "sweeps": track.sweeps[frames].astype("<i8"),
-    }
-    for field in ARRAYS:
-        array = getattr(track, field.name)
-        if array is not None:
-            layout.numbers(field.number, field.name, field.size)
-            values[field.name] = array[frames].astype("<f8")
-    if track.model.licensed:
-        for number, name, array in _mano(track, frames):
-            layout.numbers(number, name, array.shape[1])
-            values[name] = array.astype("<f8")
-    layout.number(15, "objective").number(16, "sweeps")
-    status, reason = track.status[frames], track.reason[frames]
-    rows = layout.rows(len(status), **values)
-    return [
-        row.tobytes() + _text_field(17, s) + _text_field(18, r)
-        for row, s, r in zip(rows, status.tolist(), reason.tolist(), strict=True)
-    ]
-
-
-def _mano(track: Track, frames: slice) -> list[tuple[int, str, Array]]:
-    """Fields of the filtered poses as MANO's: number, name, (n, k), NaN where there is none."""
-    angles, quaternion = track.angles[frames], track.quaternion[frames]
-    translation = track.translation[frames]
-    known = np.isfinite(np.hstack([angles, quaternion, translation])).all(1)
-    pose, transl = np.full((len(angles), 48), np.nan), np.full((len(angles), 3), np.nan)
-    rotation = quaternion_to_matrix(quaternion[known])
-    mano = to_mano(track.model, angles[known], rotation, translation[known])
-    pose[known], transl[known] = mano.values, mano.transl
-    return [(19, "mano_pose", pose), (20, "mano_transl", transl)]
-
-
-def _text_field(number: int, value: str) -> bytes:
-    if not value:
-        return b""
-    data = value.encode("utf-8", "backslashreplace")
-    return tag(number, 2) + varint(len(data)) + data
 
 
 def cloud_messages(times: Times, points: Array, frame_id: str = "world") -> list[bytes]:
@@ -176,10 +75,10 @@ class TransformEncoder:
             transform = _transform(names[parent] if part else topic, name, fixed, str(part))
             self._layout.field(1, transform)
 
-    def messages(self, times: Times, track: Track, frames: slice) -> list[bytes | None]:
+    def messages(self, times: Times, states: Any, frames: slice) -> list[bytes | None]:
         """One message a frame of the filtered pose; None where there is no pose."""
-        angles, quaternion = track.angles[frames], track.quaternion[frames]
-        translation = track.translation[frames]
+        angles, quaternion = states.angles[frames], states.quaternion[frames]
+        translation = states.translation[frames]
         known = np.asarray(np.isfinite(np.hstack([angles, quaternion, translation])).all(1))
         with np.errstate(invalid="ignore"):
             rotations = self._model.rotations(np.where(known[:, None], angles, 0.0))
@@ -207,6 +106,46 @@ def tagged(values: Array) -> NDArray[np.uint8]:
     out[..., 0] = [tag(i + 1, 1)[0] for i in range(k)]
     out[..., 1:] = np.ascontiguousarray(values, "<f8").view(np.uint8).reshape(n, k, 8)
     return out.reshape(n, 9 * k)
+
+
+class SceneEncoder:
+    """foxglove.SceneUpdate messages of one hand: an entity with one list of triangles.
+
+    Args:
+        topic: of the hand; names the entity.
+        faces: (F, 3) triangles.
+        vertices: how many there are.
+    """
+
+    def __init__(self, topic: str, faces: NDArray[np.int32], vertices: int) -> None:
+        colour = np.array(SKIN, np.float64) / 255
+        triangles = Layout()
+        triangles.field(1, Layout().field(2, tag(4, 1) + np.float64(1).tobytes()))
+        triangles.slot("points", vertices * _POINT)
+        triangles.field(3, tagged(np.append(colour, 1.0)[None]).tobytes())
+        triangles.field(5, faces.astype("<u4").tobytes())
+        entity = Layout().timestamp(1).field(2, b"world").field(3, topic.encode())
+        self._layout = Layout().field(2, entity.field(12, triangles))
+        self._gone = Layout().field(1, Layout().timestamp(1).field(3, topic.encode()))
+
+    def messages(self, times: Times, vertices: NDArray[np.float64]) -> list[bytes]:
+        """One message a frame; where the skin is not known, the entity's deletion.
+
+        Args:
+            times: (n,) log times [ns].
+            vertices: (n, V, 3) in the world [m].
+        """
+        n, count = vertices.shape[:2]
+        points = np.empty((n, count, _POINT), np.uint8)
+        points[..., :2] = np.frombuffer(tag(2, 2) + varint(_POINT - 2), np.uint8)
+        points[..., 2:] = tagged(vertices.reshape(-1, 3)).reshape(n, count, _POINT - 2)
+        stamps = timestamps(times)
+        shown = self._layout.rows(n, **stamps, points=points)
+        gone = self._gone.rows(n, **stamps)
+        known = known_rows(vertices)
+        return [
+            (a if ok else b).tobytes() for a, b, ok in zip(shown, gone, known.tolist(), strict=True)
+        ]
 
 
 def joint_state_messages(times: Times, angles: Array) -> list[bytes]:
@@ -243,14 +182,6 @@ def _cdr_string(value: str) -> bytes:
 
 def _align(layout: Layout, size: int) -> Layout:
     return layout.constant(bytes(-layout.size % size))
-
-
-def event_message(event: Event) -> bytes:
-    """handtrack.Event."""
-    message = message_class("handtrack.Event")(
-        time_ns=event.time_ns, level=text(event.level), text=text(event.text)
-    )
-    return bytes(message.SerializeToString())
 
 
 def log_message(time: int, level: str, line: str, name: str) -> bytes:

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError, SettingsError
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_JOINTS
-from handtrack.recording.window import rows
-from handtrack.tracking.track import Event, Track
-from handtrack.tracking.tracker import TrackedFrame, track_of_frames
+from handtrack.mcap.hand import Event, Head
+from handtrack.mcap.state import ARRAYS, MARKS, SCALARS, Stretch
+from handtrack.tracking.track import Track
+from handtrack.tracking.tracker import TrackedFrame
 
+_COLUMNS = (
+    *((f.name, f.shape, bool if f.name in MARKS else float) for f in ARRAYS),
+    *((name, (), kind) for name, kind in SCALARS.items() if kind is not np.str_),
+)
+"""Arrays of frames that wait: name, shape of one frame, type."""
+_OF_FRAME = tuple(name for name, _, _ in _COLUMNS if name not in ("truth", "frame_index"))
+_ROOM = 32
+"""Frames that there is room for at first."""
 _PALM = [0, 1, 5, 17]
 """Joints that do not move against one another, and tell a left hand from a right one."""
 _SAME_M = 1e-5
@@ -37,16 +47,16 @@ class Slot:
     """A hand's place in a recording, and whether what comes belongs there.
 
     Attributes:
-        head: what came first, without its frames.
+        head: of what came first.
     """
 
     def __init__(self, name: str, side: str, slots: Sequence[tuple[str, str]]) -> None:
         self._name, self._side = name, side
         self._others = [slot for slot in slots if slot != (name, side)]
-        self.head: Track | None = None
+        self.head: Head | None = None
         self._last_ns: int | None = None
 
-    def check(self, part: Track) -> None:
+    def check(self, part: Track | Stretch) -> None:
         """Raises InputError: the part belongs to another hand; SettingsError: it comes late."""
         times = part.time_ns
         late = len(part) and self._last_ns is not None and int(times[0]) <= self._last_ns
@@ -66,54 +76,77 @@ class Slot:
             raise InputError(f"{part.name}: these frames were fitted with another hand")
         if part.settings is not head.settings and dict(part.settings) != dict(head.settings):
             raise InputError(f"{part.name}: these frames were made with other settings")
-        if len(part) and (part.truth is None) != (head.truth is None):
+        if len(part) and (part.truth is not None) != head.has_truth:
             raise InputError("true joints are given with all frames of a hand, or with none")
 
-    def take(self, part: Track) -> None:
+    def take(self, part: Track | Stretch) -> None:
         """Remember what was written."""
         if self.head is None:
-            self.head = rows(part, slice(0))
+            self.head = part.head
         if len(part):
             self._last_ns = int(part.time_ns[-1])
 
 
-class Waiting:
-    """Frames of a hand that are not written yet, and what does not change of it."""
+class FrameBuffer:
+    """Frames of a hand that are not written yet, as arrays.
 
-    def __init__(self, model: HandModel | None, name: str, about: Mapping[str, Any]) -> None:
-        self.model, self._name, self._about = model, name, about
-        rest = [] if model is None else model.rest_joints[_PALM].tolist()
+    Args:
+        head: what does not change of the hand.
+    """
+
+    def __init__(self, head: Head) -> None:
+        self._head, self.model = head, head.model
+        rest = head.model.rest_joints[_PALM].tolist()
         self._palm = [[b - a for a, b in zip(rest[0], joint, strict=True)] for joint in rest[1:]]
-        self.frames: list[TrackedFrame] = []
-        self.events: list[Event] = []
-        self._indexes: list[int] = []
-        self._truth: list[Any] = []
-        self._next = 0
+        self._arrays: dict[str, NDArray[Any]] = {
+            name: np.empty((_ROOM, *shape), kind) for name, shape, kind in _COLUMNS
+        }
+        self._texts: dict[str, list[str]] = {"status": [], "reason": []}
+        self._next = self._size = 0
         self._last_ns: int | None = None
         self._has_truth: bool | None = None
 
+    def __len__(self) -> int:
+        return self._size
+
+    @property
+    def span_ns(self) -> int:
+        """From the first frame that waits to the last [ns]."""
+        times = self._arrays["time_ns"]
+        return int(times[self._size - 1]) - int(times[0]) if self._size else 0
+
     def add(self, frame: TrackedFrame, index: int | None, truth: ArrayLike | None) -> None:
-        if self.model is None:
-            raise SettingsError("frames need a hand model: give it to the recorder")
+        """The next frame.
+
+        Raises:
+            InputError: it is of another hand, or truth has another shape or is missing.
+            SettingsError: time does not increase.
+        """
         if self._last_ns is not None and frame.time_ns <= self._last_ns:
-            raise SettingsError(f"time of {self._name} does not increase")
+            raise SettingsError(f"time of {self._head.name} does not increase")
         if not self._fits(frame):
             raise InputError(
-                f"{self._name}: the frame was not fitted with the {self.model.hand} hand that is"
-                " recorded"
+                f"{self._head.name}: the frame was not fitted with the {self._head.hand} hand that"
+                " is recorded"
             )
         if self._has_truth not in (None, truth is not None):
             raise InputError("true joints are given with all frames of a hand, or with none")
+        row = self._size
+        if row == len(self._arrays["time_ns"]):
+            self._arrays = {name: _doubled(array) for name, array in self._arrays.items()}
+        arrays = self._arrays
         if truth is not None:
             joints = np.array(truth, np.float64)
             if joints.shape != (N_JOINTS, 3):
                 raise InputError(f"truth has shape {joints.shape}, expected (21, 3)")
-            self._truth.append(joints)
-        self._has_truth = truth is not None
-        self.frames.append(frame)
-        self._last_ns = frame.time_ns
-        self._indexes.append(self._next if index is None else index)
-        self._next = self._indexes[-1] + 1
+            arrays["truth"][row] = joints
+        for name in _OF_FRAME:
+            arrays[name][row] = getattr(frame, name)
+        arrays["frame_index"][row] = index = self._next if index is None else index
+        self._texts["status"].append(frame.status)
+        self._texts["reason"].append(frame.reason)
+        self._has_truth, self._last_ns = truth is not None, frame.time_ns
+        self._next, self._size = index + 1, row + 1
 
     def _fits(self, frame: TrackedFrame) -> bool:
         """Whether the frame's palm is the model's: the other hand's, or another's, is not."""
@@ -133,18 +166,24 @@ class Waiting:
                 return False
         return True
 
-    def take(self, model: HandModel) -> Track:
-        """The frames as a track; none is left."""
-        part = track_of_frames(
-            self.frames,
-            model,
-            self._about["settings"],
-            name=self._name,
-            frame_index=self._indexes,
-            truth=np.array(self._truth) if self._has_truth else None,
-            source=self._about["source"],
-            subject=self._about["subject"],
-            events=self.events,
-        )
-        self.frames, self.events, self._indexes, self._truth = [], [], [], []
-        return part
+    def take(self, events: Sequence[Event]) -> Stretch:
+        """The frames that wait, as a stretch with those events; none is left."""
+        arrays: dict[str, Any] = {n: a[: self._size].copy() for n, a in self._arrays.items()}
+        arrays |= {name: np.array(texts) for name, texts in self._texts.items()}
+        if not self._has_truth:
+            arrays["truth"] = None
+        self._texts = {name: [] for name in self._texts}
+        self._size = 0
+        head = replace(self._head, has_truth=bool(self._has_truth))
+        return Stretch(**arrays, head=head, events=tuple(events))
+
+
+def no_frames(head: Head, events: Sequence[Event]) -> Stretch:
+    """A stretch of events alone."""
+    arrays: dict[str, Any] = {name: np.empty((0, *shape), kind) for name, shape, kind in _COLUMNS}
+    arrays |= {name: np.empty(0, np.str_) for name in ("status", "reason")}
+    return Stretch(**arrays, head=head, events=tuple(events))
+
+
+def _doubled(array: NDArray[Any]) -> NDArray[Any]:
+    return np.concatenate([array, np.empty_like(array)])

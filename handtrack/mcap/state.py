@@ -1,0 +1,277 @@
+"""handtrack.State: the arrays of some frames of a hand, and the messages that hold them.
+
+To record another array: give it a field in `handtrack.proto`, compile that (see `schema.py`),
+and add it to `States` and `ARRAYS`, with the format version that has it first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.hand.mano_pose import to_mano
+from handtrack.hand.model import HandModel
+from handtrack.hand.rotations import quaternion_to_matrix
+from handtrack.hand.skeleton import Hand
+from handtrack.mcap.hand import Event, Head
+from handtrack.mcap.layout import Layout, tag, varint
+from handtrack.mcap.schema import array_class
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """Some frames of a tracked hand; shapes, units and meaning as in `Track`.
+
+    Its arrays can only be read.
+    """
+
+    time_ns: NDArray[np.int64]
+    frame_index: NDArray[np.int64]
+    observed: Array
+    confidence: Array
+    truth: Array | None
+    angles_raw: Array
+    angles: Array
+    quaternion_raw: Array
+    quaternion: Array
+    translation_raw: Array
+    translation: Array
+    fitted_joints: Array
+    filtered_joints: Array
+    angle_variance: Array
+    objective: Array
+    sweeps: NDArray[np.int64]
+    status: NDArray[np.str_]
+    reason: NDArray[np.str_]
+    rejected: NDArray[np.bool_]
+    restart: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        for field in fields(States):
+            array = getattr(self, field.name)
+            if array is not None and array.flags.writeable:
+                # a view: who made the array may go on with it
+                view = array.view()
+                view.flags.writeable = False
+                object.__setattr__(self, field.name, view)
+
+    def __len__(self) -> int:
+        return len(self.time_ns)
+
+    def arrays(self) -> dict[str, Any]:
+        """All of them by name."""
+        return {field.name: getattr(self, field.name) for field in fields(States)}
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch(States):
+    """Some frames of a hand, one after another, and what happened meanwhile.
+
+    Attributes:
+        head: what does not change of the hand.
+        events: in order of time.
+    """
+
+    head: Head
+    events: tuple[Event, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The sequence's."""
+        return self.head.name
+
+    @property
+    def hand(self) -> Hand:
+        return self.head.hand
+
+    @property
+    def model(self) -> HandModel:
+        return self.head.model
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        return self.head.settings
+
+
+class ArrayField(NamedTuple):
+    """A field of State that is an array of doubles.
+
+    Attributes:
+        number: of the field in the protobuf message.
+        name: of the field, and of the attribute of `States`.
+        shape: of one frame.
+        since: the format version that has it first.
+        before: what readers put in where an older file doesn't have it.
+    """
+
+    number: int
+    name: str
+    shape: tuple[int, ...]
+    since: int = 1
+    before: float = math.nan
+
+    @property
+    def size(self) -> int:
+        """Numbers in a frame."""
+        return math.prod(self.shape)
+
+
+ARRAYS = (
+    ArrayField(3, "observed", (21, 3)),
+    ArrayField(4, "confidence", (21,)),
+    ArrayField(5, "truth", (21, 3)),
+    ArrayField(6, "angles_raw", (20,)),
+    ArrayField(7, "angles", (20,)),
+    ArrayField(8, "quaternion_raw", (4,)),
+    ArrayField(9, "quaternion", (4,)),
+    ArrayField(10, "translation_raw", (3,)),
+    ArrayField(11, "translation", (3,)),
+    ArrayField(12, "fitted_joints", (21, 3)),
+    ArrayField(13, "filtered_joints", (21, 3)),
+    ArrayField(14, "angle_variance", (20,)),
+    ArrayField(21, "rejected", (21,), since=2, before=0.0),
+    ArrayField(22, "restart", (), since=2, before=0.0),
+)
+"""`truth` is the only one that may be absent from all frames of a hand."""
+SCALARS: dict[str, type] = {
+    "time_ns": np.int64,
+    "frame_index": np.int64,
+    "objective": np.float64,
+    "sweeps": np.int64,
+    "status": np.str_,
+    "reason": np.str_,
+}
+"""The other fields, one value a frame."""
+MARKS = ("rejected", "restart")
+"""Those that are true or false, written as 1 or 0."""
+_BLOCK = 1024  # frames decoded at a time
+
+
+def encode_states(states: Any, frames: slice, model: HandModel) -> list[bytes]:
+    """handtrack.State of each frame.
+
+    Args:
+        states: `States`, or what has its attributes, as a Track.
+        frames: which of them.
+        model: the hand; a licensed one's poses are written as MANO's too.
+    """
+    layout = Layout().number(1, "time_ns").number(2, "frame_index")
+    values: dict[str, NDArray[np.generic]] = {
+        "time_ns": states.time_ns[frames].astype("<i8"),
+        "frame_index": states.frame_index[frames].astype("<i8"),
+        "objective": states.objective[frames].astype("<f8"),
+        "sweeps": states.sweeps[frames].astype("<i8"),
+    }
+    for field in ARRAYS:
+        array = getattr(states, field.name)
+        if array is not None:
+            layout.numbers(field.number, field.name, field.size)
+            values[field.name] = array[frames].astype("<f8")
+    if model.licensed:
+        for number, name, array in _mano(states, frames, model):
+            layout.numbers(number, name, array.shape[1])
+            values[name] = array.astype("<f8")
+    layout.number(15, "objective").number(16, "sweeps")
+    status, reason = states.status[frames], states.reason[frames]
+    rows = layout.rows(len(status), **values)
+    return [
+        row.tobytes() + _text_field(17, s) + _text_field(18, r)
+        for row, s, r in zip(rows, status.tolist(), reason.tolist(), strict=True)
+    ]
+
+
+def _mano(states: Any, frames: slice, model: HandModel) -> list[tuple[int, str, Array]]:
+    """Fields of the filtered poses as MANO's: number, name, (n, k), NaN where there is none."""
+    angles, quaternion = states.angles[frames], states.quaternion[frames]
+    translation = states.translation[frames]
+    known = np.isfinite(np.hstack([angles, quaternion, translation])).all(1)
+    pose, transl = np.full((len(angles), 48), np.nan), np.full((len(angles), 3), np.nan)
+    rotation = quaternion_to_matrix(quaternion[known])
+    mano = to_mano(model, angles[known], rotation, translation[known])
+    pose[known], transl[known] = mano.values, mano.transl
+    return [(19, "mano_pose", pose), (20, "mano_transl", transl)]
+
+
+def _text_field(number: int, value: str) -> bytes:
+    if not value:
+        return b""
+    data = value.encode("utf-8", "backslashreplace")
+    return tag(number, 2) + varint(len(data)) + data
+
+
+class StateDecoder:
+    """Messages of one hand to `States`, one after another in bounded steps."""
+
+    def __init__(self) -> None:
+        self._kind = array_class("handtrack.State")
+        self._waiting: list[Any] = []
+        self._clear()
+
+    def _clear(self) -> None:
+        names = (*(field.name for field in ARRAYS), *SCALARS)
+        self._blocks: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
+
+    def add(self, data: bytes) -> None:
+        """The next message.
+
+        Raises:
+            DecodeError: it is none.
+            ValueError: an array of some message is not as long as it should be.
+        """
+        self._waiting.append(self._kind.FromString(data))
+        if len(self._waiting) >= _BLOCK:
+            self._decode()
+
+    def take(self, has_truth: bool) -> States:
+        """The frames added since the last call.
+
+        Raises:
+            ValueError: an array is not as long as it should be, or only some frames have a truth.
+        """
+        self._decode()
+        arrays: dict[str, Any] = {
+            field.name: np.concatenate(self._blocks[field.name] or [np.empty((0, *field.shape))])
+            for field in ARRAYS
+        }
+        arrays |= {
+            name: np.concatenate(self._blocks[name] or [np.empty(0, dtype)])
+            for name, dtype in SCALARS.items()
+        }
+        arrays |= {name: arrays[name].astype(bool) for name in MARKS}
+        if not has_truth:
+            arrays["truth"] = None
+        elif len(arrays["truth"]) != len(arrays["time_ns"]):
+            raise ValueError("only some frames have a truth")
+        self._clear()
+        return States(**arrays)
+
+    def _decode(self) -> None:
+        """Messages that wait, to a block of each array."""
+        states, self._waiting = self._waiting, []
+        for field in ARRAYS:
+            parts = [getattr(state, field.name) for state in states]
+            if field.name == "truth" and not any(parts):
+                continue
+            if field.since > 1 and not any(parts):
+                # an older file
+                parts = [np.full(field.size, field.before).tobytes()] * len(states)
+            self._blocks[field.name].append(_rows(field, parts))
+        for name, dtype in SCALARS.items():
+            values = [getattr(state, name) for state in states]
+            self._blocks[name].append(np.array(values, dtype))
+
+
+def _rows(field: ArrayField, parts: Sequence[bytes]) -> Array:
+    """(n, *shape) of a field's bytes in n messages."""
+    size = 8 * field.size
+    wrong = next((len(part) for part in parts if len(part) != size), None)
+    if wrong is not None:
+        raise ValueError(f"a state's {field.name} has {wrong / 8:g} numbers, expected {field.size}")
+    return np.frombuffer(b"".join(parts), "<f8").reshape(-1, *field.shape)
