@@ -19,10 +19,11 @@ from handtrack.hand.skeleton import JOINT_NAMES
 from handtrack.live.lines import LiveFrame, from_lines
 from handtrack.live.live import RecorderSink, run_live, size_of
 from handtrack.live.sources import Newest
+from handtrack.recording.settings import RecordingSettings
 from handtrack.tracking.tracker import Tracker
 
 RIGHT = ht.HandModel.default("right").scaled(0.9)
-CHOICES = {"mesh": "none", "compression": "lz4", "foxglove_mesh": False}
+NO_MESH = RecordingSettings.of("none", "lz4", False)
 
 
 def motion(n: int = 30) -> np.ndarray:
@@ -43,7 +44,7 @@ def tracker(hand, size):
 
 def test_what_comes_is_tracked_and_recorded(tmp_path):
     joints = motion()
-    with RecorderSink(tmp_path / "live.mcap", "test", CHOICES) as record:
+    with RecorderSink(tmp_path / "live.mcap", "test", NO_MESH) as record:
         count = run_live(frames(joints, missing=(0, 7)), tracker, [record], dropped=lambda: 4)
     (track,) = ht.read_mcap(tmp_path / "live.mcap")
     assert (track.hand, track.source) == ("right", "test")
@@ -92,7 +93,7 @@ def test_a_hand_is_calibrated_while_it_is_tracked(tmp_path, monkeypatch):
                 time.sleep(0.2)
             yield frame
 
-    with RecorderSink(tmp_path / "live.mcap", "test", CHOICES) as record:
+    with RecorderSink(tmp_path / "live.mcap", "test", NO_MESH) as record:
         run_live(slowly(), tracker, [record], recalibrated=Tracker)
     before, after = sorted(ht.read_mcap(tmp_path / "live.mcap"), key=lambda x: x.time_ns[0])
     assert (before.name, after.name) == ("live", "live calibrated")
@@ -110,7 +111,7 @@ def test_ctrl_c_leaves_a_complete_recording(tmp_path):
         yield from frames(motion(12))
         raise KeyboardInterrupt
 
-    with RecorderSink(tmp_path / "live.mcap", "test", CHOICES) as record:
+    with RecorderSink(tmp_path / "live.mcap", "test", NO_MESH) as record:
         count = run_live(interrupted(), tracker, [record])
     assert count.frames == 12
     assert [len(t) for t in ht.read_mcap(tmp_path / "live.mcap")] == [12]
@@ -125,7 +126,7 @@ def test_a_filter_that_waits_loses_no_frame(tmp_path):
         return Tracker(model, filter="fixed-lag", lag=2)
 
     joints = motion(12)
-    with RecorderSink(tmp_path / "live.mcap", "test", CHOICES) as record:
+    with RecorderSink(tmp_path / "live.mcap", "test", NO_MESH) as record:
         count = run_live(frames(joints, missing=(0,)), lagging, [record])
     (track,) = ht.read_mcap(tmp_path / "live.mcap")
     assert track.frame_index.tolist() == list(range(1, 12))
@@ -134,7 +135,7 @@ def test_a_filter_that_waits_loses_no_frame(tmp_path):
 
 
 def test_a_hand_that_never_comes_gives_an_empty_recording(tmp_path):
-    with RecorderSink(tmp_path / "live.mcap", "test", CHOICES) as record:
+    with RecorderSink(tmp_path / "live.mcap", "test", NO_MESH) as record:
         count = run_live(frames(motion(3), missing=range(3)), tracker, [record])
     assert count.seen == {}
     assert "no hand" in count.sentence
