@@ -15,6 +15,7 @@ from handtrack.sequences.readers import dexycb, panoptic, pickled
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.raw import Raw
 from handtrack.sequences.readers.recognise import read_file
+from handtrack.sequences.readers.single_frames import read_single_frames, together
 
 SUFFIXES = {
     *(".npz", ".npy", ".csv", ".json", ".jsonl", ".ndjson", ".txt", ".mcap"),
@@ -41,10 +42,12 @@ class Source:
     Attributes:
         folder: where the files are.
         names: the files.
+        people: whether several are Panoptic's frames, and not single frames of another kind.
     """
 
     folder: Path
     names: tuple[str, ...]
+    people: bool = True
 
     def read(self, frames: tuple[int, int] | None = None, kind: str | None = None) -> list[Raw]:
         """Its sequences; arguments and errors as `recognise.read_file`."""
@@ -52,6 +55,8 @@ class Source:
         for name, read in _NUMBERED:
             if name.fullmatch(self.names[0]):
                 return read(paths, self.folder, frames)
+        if not self.people:
+            return read_single_frames(paths, self.folder, frames)
         if len(paths) > 1 or panoptic.FILE_NAME.fullmatch(self.names[0]):
             return panoptic.read_files(paths, self.folder, frames)
         return read_file(paths[0], frames, kind)
@@ -60,7 +65,12 @@ class Source:
 def sources(folder: Path) -> Iterator[Source]:
     """Every source in a folder and the folders in it, sorted by path; hidden ones are skipped."""
     for here, names in _folders(folder):
-        for group in _groups(sorted(n for n in names if _may_be_data(n)), here):
+        data = sorted(n for n in names if _may_be_data(n))
+        single = together((n for n in data if not _is_numbered(n)), here)
+        taken = {name for group in single for name in group}
+        for group in single:
+            yield Source(here, tuple(group), people=False)
+        for group in _groups([n for n in data if n not in taken], here):
             yield Source(here, tuple(group))
 
 
@@ -87,8 +97,12 @@ def _may_be_data(name: str) -> bool:
     if name.startswith((".", *_OTHER_PANOPTIC)) or lower.startswith(_NOT_DATA):
         return False
     # pickles of other names are models and caches
-    numbered = any(pattern.fullmatch(name) for pattern, _ in _NUMBERED)
-    return numbered or Path(lower).suffix in SUFFIXES
+    return _is_numbered(name) or Path(lower).suffix in SUFFIXES
+
+
+def _is_numbered(name: str) -> bool:
+    """Whether files of that name make a sequence with others by their format."""
+    return any(pattern.fullmatch(name) for pattern, _ in _NUMBERED)
 
 
 def _groups(names: list[str], here: Path) -> Iterator[list[str]]:
