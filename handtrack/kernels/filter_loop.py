@@ -47,28 +47,6 @@ def keep_prediction(s, kept):
         kept.pull[i] = 0.0
 
 
-@inline
-def filter_in(
-    works, states, solver, settings, motion, time_ns, targets, weights, raw, out, notes, keep, kept
-):
-    """`filter_frames`, in a workspace (1,) that the caller keeps alive: a record does not."""
-    s = states[0]
-    for t in range(len(time_ns)):
-        frame = targets[t], weights[t], raw[t]
-        kind = _before(s, works, solver, settings, motion, time_ns[t], frame, notes[t])
-        if kind == PREDICTED:
-            predict(s)
-        if keep and kind != NOTHING:
-            keep_prediction(s, kept[t])
-        if _measure(s, works, solver, settings, frame, notes[t]):
-            if keep:
-                rest = update(s, settings[0], keep, kept[t].information, kept[t].pull)
-            else:
-                rest = update(s, settings[0], keep, s.work, s.gradient)
-            notes[t].likelihood -= rest
-        _after(s, works, solver, settings, motion, raw[t], out[t], notes[t])
-
-
 @kernel
 def filter_frames(
     states, hand, solver, settings, motion, time_ns, targets, weights, raw, out, notes, keep, kept
@@ -94,10 +72,21 @@ def filter_frames(
     """
     works = np.zeros(1, dtype=WORK)
     load_hand(works[0], hand, settings)
-    filter_in(
-        works, states, solver, settings, motion, time_ns, targets, weights, raw, out, notes, keep,
-        kept,
-    )  # fmt: skip
+    s = states[0]
+    for t in range(len(time_ns)):
+        frame = targets[t], weights[t], raw[t]
+        kind = _before(s, works, solver, settings, motion, time_ns[t], frame, notes[t])
+        if kind == PREDICTED:
+            predict(s)
+        if keep and kind != NOTHING:
+            keep_prediction(s, kept[t])
+        if _measure(s, works, solver, settings, frame, notes[t]):
+            if keep:
+                rest = update(s, settings[0], keep, kept[t].information, kept[t].pull)
+            else:
+                rest = update(s, settings[0], keep, s.work, s.gradient)
+            notes[t].likelihood -= rest
+        _after(s, works, solver, settings, motion, raw[t], out[t], notes[t])
 
 
 # The stages of a frame around prediction and update, so that another filter can do those.

@@ -51,6 +51,9 @@ OUT_WORST = OUT_VARIANCE + 20
 OUT_ANEW = OUT_WORST + 1
 OUT_SIZE = OUT_ANEW + 1
 
+# a solve that stalls is handed to the sweeps and begun again so often
+ATTEMPTS = 8
+
 # what is kept from frame to frame: angles, root, and whether they mean anything
 KEEP_ROOT, MEMORY = N_ANGLES, 32
 KEEP_SIZE = 33
@@ -145,7 +148,7 @@ def solve(w, solvers, settings, cold):
     w.state = STALLED
     w.cold = cold
     sweeps = cold_sweeps if cold or newton == 0 else 0
-    for _ in range(4):
+    for _ in range(ATTEMPTS):
         if sweeps > 0:
             w.max_sweeps = sweeps if newton != 0 else max_sweeps
             w.tolerance = 1e-12 if newton != 0 else tolerance
