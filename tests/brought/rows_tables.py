@@ -260,6 +260,7 @@ def seen(path: Path, b: Brought, key: str) -> Path:
 
 ROWS.add("marks", "npz valid, true and false", sure, seen, "a.npz", key="valid")
 ROWS.add("marks", "npz visible, true and false", sure, seen, "a.npz", key="visible")
+ROWS.add("marks", "npz mask, true and false", sure, seen, "a.npz", REFUSED, "valid", key="mask")
 
 
 def by_id(path: Path, b: Brought, begin: int) -> Path:

@@ -102,6 +102,13 @@ def from_fields(fields: Mapping[str, Any], path: Path) -> Raw:
 
 def _refuse_meant(fields: Mapping[str, Any], path: Path) -> None:
     for key, value in fields.items():
+        truths = isinstance(value, np.ndarray) and value.dtype.kind == "b" and value.ndim == 2
+        if truths and not is_confidence(key):
+            raise InputError(
+                f"{key[:40]!r} is true or false of each joint and is not understood: name it valid"
+                " (true where it is seen), or leave it out",
+                path,
+            )
         kind = looks_meant(key)
         # what `handtrack export` writes of events is not of the frames
         known = time_unit(key) is not None or isinstance(value, dict) or key.startswith("event_")
