@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.errors import InputError
 from handtrack.hand.skeleton import Hand
 from handtrack.live.sources import Newest
 from handtrack.sequences.assemble import Given, assemble
@@ -22,6 +21,7 @@ from handtrack.sequences.readers.record_times import stamps_of
 from handtrack.sequences.readers.records import read_records
 
 Array = NDArray[np.float64]
+_SECOND = 10**9
 _WAITING = 1000
 """So many lines in which nothing was seen wait for the first that says what time is."""
 
@@ -36,6 +36,7 @@ class LiveFrame:
         joints: (21, 3) of each hand that was seen [m], NaN = missing.
         confidence: (21,) of each.
         came: when it came in, by `time.monotonic` [s].
+        note: what was done to its time, the first time that it is done.
     """
 
     time_ns: int
@@ -43,6 +44,7 @@ class LiveFrame:
     joints: dict[Hand, Array]
     confidence: dict[Hand, Array]
     came: float
+    note: str = ""
 
 
 @dataclass(eq=False)
@@ -75,8 +77,11 @@ def from_lines(
         given: unit and joint order, where the lines do not say.
         hand: which hand it is, where they do not say; right by default.
 
+    A stamp that comes again or goes back a little is put behind the one before; after a clock
+    that was set, time goes on as if it had not been. The first frame with such a time says so.
+
     Raises:
-        InputError: a line that is no frame of joints, or time that does not increase.
+        InputError: a line that is no frame of joints, or whose time is none.
     """
     clock = _Clock()
     waiting: list[_Line] = []
@@ -116,6 +121,9 @@ class _Clock:
         self._factor: float | None = None
         self._reference: tuple[float, int] | None = None
         self._last: int | None = None
+        self._step = _SECOND // 30
+        self._set_ns = 0
+        self._told: set[str] = set()
 
     def knows(self, waiting: list[_Line]) -> bool:
         """Whether the times of the lines that wait can be told."""
@@ -152,18 +160,31 @@ class _Clock:
         for line in waiting:
             if line.stamps is None:
                 time_ns = at + round((line.came - came) * 1e9)
-                time_ns = time_ns if self._last is None else max(time_ns, self._last + 1)
+                if self._last is not None:  # lines that come together
+                    time_ns = max(time_ns, self._last + 1 - self._set_ns)
             else:
                 time_ns = self._stamped(line)
                 self._reference = came, at = line.came, time_ns
-            if self._last is not None and time_ns <= self._last:
-                raise InputError(
-                    f"time does not increase: {time_ns * 1e-9:.6f} s after"
-                    f" {self._last * 1e-9:.6f} s",
-                    line.where,
-                )
-            self._last = time_ns
-            yield LiveFrame(time_ns, line.index, line.joints, line.confidence, line.came)
+            time_ns, note = self._increasing(time_ns + self._set_ns)
+            yield LiveFrame(time_ns, line.index, line.joints, line.confidence, line.came, note)
+
+    def _increasing(self, time_ns: int) -> tuple[int, str]:
+        """A time behind the last one, and what was done to it if that is new."""
+        last, note = self._last, ""
+        if last is not None and time_ns > last:
+            self._step = min(time_ns - last, _SECOND)
+        elif last is not None and last - time_ns < _SECOND:
+            note = "a stamp does not increase: such frames follow the one before closely"
+            time_ns = last + max(self._step // 4, 1)
+        elif last is not None:
+            note = f"the clock was set back by {1e-9 * (last - time_ns):.1f} s: time goes on"
+            self._set_ns += last + self._step - time_ns
+            time_ns = last + self._step
+        kind = note[:11]
+        told = kind in self._told
+        self._told.add(kind)
+        self._last = time_ns
+        return time_ns, "" if told else note
 
     def _stamped(self, line: _Line) -> int:
         stamp = line.stamp

@@ -173,6 +173,9 @@ def run_live(
                         calibrations[hand].take(joints, frame.time_ns, frame.confidence[hand])
                     better(hand, frame.time_ns)
                 waiting[hand].append(frame.index)
+                if frame.note:
+                    for sink in targets:
+                        sink.say(hand, Event(frame.time_ns, "warning", frame.note))
                 new = trackers[hand].push(
                     nothing if joints is None else joints,
                     frame.time_ns,

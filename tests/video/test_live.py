@@ -218,10 +218,6 @@ def test_lines_of_nothing_wait_for_the_first_time():
     [
         ([b"hello"], "test, line 1: "),
         ([{"joints_m": [[0, 0, 1]] * 19}], "test, line 1: .*shape"),
-        (
-            [{"joints_m": [[0, 0, i] for i in range(21)], "time_s": t} for t in (2, 1)],
-            "line 2: time",
-        ),
     ],
 )
 def test_a_line_that_is_wrong_is_named(rows, says):
@@ -259,3 +255,26 @@ def test_the_command_refuses_what_makes_no_sense(tmp_path, capsys):
     ):
         assert run(["live", *arguments]) == 2
         assert says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("stamps", "steps", "notes"),
+    [
+        ([0, 33, 33, 66, 99], [33, 8.25, 24.75, 33], ["a stamp does not increase"]),
+        (
+            [0, 33, 30, 66, 66, 99],
+            [33, 8.25, 24.75, 6.1875, 26.8125],
+            ["a stamp does not increase"],
+        ),
+        ([9000, 9033, 9066, 0, 33, 66], [33, 33, 33, 33, 33], ["the clock was set back by 9.1 s"]),
+        ([0, 33, 66, 99], [33, 33, 33], []),
+    ],
+)
+def test_stamps_that_do_not_increase_end_nothing(stamps, steps, notes):
+    joints = motion(2).tolist()
+    rows = [{"time_ms": t, "joints": joints[i % 2]} for i, t in enumerate(stamps)]
+    found = list(from_lines(lines(*rows), "test"))
+    assert np.diff([f.time_ns for f in found]).tolist() == [s * 1e6 for s in steps]
+    said = [f.note for f in found if f.note]
+    assert len(said) == len(notes)
+    assert all(a.startswith(b) for a, b in zip(said, notes, strict=True))
