@@ -3,7 +3,8 @@
     python -m tools.bench.mutants handtrack/kernels handtrack/tracking [--count 72] [--seed 1]
         [--also tests/test_pipeline.py] [--seconds 600] [--json OUT]
 
-Each fault stands in a copy of the project of its own. Run are the tests that mirror the module
+The faults stand one after another in a copy of the project, so that only what depends on one is
+compiled again. Run are the tests that mirror the module
 (tests/tracking for handtrack/tracking), then those named by --also. A fault that all of them pass
 is printed with its place: it is a hole in the tests, or makes no difference. Exit status 1 if more
 than --survive of the faults survive.
@@ -17,6 +18,7 @@ import json
 import os
 import random
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -218,26 +220,44 @@ def tests_of(path: str, also: list[str]) -> Iterator[list[str]]:
         yield [name]
 
 
-def noticed(mutant: Mutant, also: list[str], seconds: float) -> str:
-    """Which tests notice a fault; "" for none."""
-    with tempfile.TemporaryDirectory(prefix="mutant") as folder:
-        for name in COPIED:
-            copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy2
-            copy(ROOT / name, Path(folder) / name)
-        path = Path(folder) / mutant.path
-        data = path.read_bytes()
-        path.write_bytes(data[: mutant.start] + mutant.text.encode() + data[mutant.end :])
-        environment = {**os.environ, "PYTHONPATH": folder}
-        for tests in tests_of(mutant.path, also):
-            command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+def copied(folder: Path) -> None:
+    """The project, with what it has compiled: files keep their times, by which that is found."""
+    for name in COPIED:
+        copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy2
+        copy(ROOT / name, folder / name)
+
+
+def noticed(folder: Path, mutant: Mutant, also: list[str], seconds: float) -> str:
+    """Which tests of a copy of the project notice a fault; "" for none. The copy is put back."""
+    path = folder / mutant.path
+    data, times = path.read_bytes(), path.stat()
+    path.write_bytes(data[: mutant.start] + mutant.text.encode() + data[mutant.end :])
+    try:
+        return _seen_by(folder, list(tests_of(mutant.path, also)), seconds)
+    finally:
+        path.write_bytes(data)
+        os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+
+
+def _seen_by(folder: Path, runs: list[list[str]], seconds: float) -> str:
+    environment = {**os.environ, "PYTHONPATH": str(folder)}
+    for tests in runs:
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", *tests]
+        with subprocess.Popen(
+            [*command, "-p", "no:cacheprovider"],
+            cwd=folder,
+            env=environment,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        ) as run:
             try:
-                done = subprocess.run(
-                    command, cwd=folder, env=environment, capture_output=True, timeout=seconds
-                )
+                status = run.wait(seconds)
             except subprocess.TimeoutExpired:
+                os.killpg(run.pid, signal.SIGKILL)  # with what the tests started
                 return f"{' '.join(tests)}: no end in {seconds:g} s"
-            if done.returncode not in (0, 5):
-                return " ".join(tests)
+        if status not in (0, 5):
+            return " ".join(tests)
     return ""
 
 
@@ -253,16 +273,18 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--json", type=Path, metavar="OUT", help="write what became of each")
     options = parser.parse_args(arguments)
     chosen, survived, told = mutants(options.places, options.count, options.seed), 0, []
-    for number, mutant in enumerate(chosen, 1):
-        by = noticed(mutant, options.also, options.seconds)
-        survived += not by
-        told.append({**asdict(mutant), "noticed": by})
-        said = f"noticed by {by}" if by else f"SURVIVED: {mutant.before!r} -> {mutant.text!r}"
-        print(
-            f"{number}/{len(chosen)} {mutant.path}:{mutant.line} {mutant.kind}: {said}", flush=True
-        )
-        if options.json:
-            options.json.write_text(json.dumps(told, indent=1) + "\n")
+    with tempfile.TemporaryDirectory(prefix="mutant") as folder:
+        copied(Path(folder))
+        for number, mutant in enumerate(chosen, 1):
+            by = noticed(Path(folder), mutant, options.also, options.seconds)
+            survived += not by
+            told.append({**asdict(mutant), "noticed": by})
+            what = f"SURVIVED: {mutant.before!r} -> {mutant.text!r}"
+            said = f"noticed by {by}" if by else what
+            place = f"{mutant.path}:{mutant.line}"
+            print(f"{number}/{len(chosen)} {place} {mutant.kind}: {said}", flush=True)
+            if options.json:
+                options.json.write_text(json.dumps(told, indent=1) + "\n")
     print(f"{survived} of {len(chosen)} faults survived")
     return int(survived > options.survive * len(chosen))
 
