@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -24,6 +25,22 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """How many processes run the tests: where some are named, a start costs more than it saves."""
     named = config.args_source is not pytest.Config.ArgsSource.TESTPATHS
     return 0 if named else min(os.cpu_count() or 1, 8)
+
+
+_COMPILE = """
+import sys, handtrack as ht
+(sample,) = ht.load(sys.argv[1])
+ht.track(sample, filter="kalman")
+"""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile once, before several processes would do it at the same time."""
+    several = getattr(config.option, "tx", None) and not hasattr(config, "workerinput")
+    if several and config.option.dist != "no":
+        # what fails here fails in the tests, and is told there
+        sample = ROOT / "recordings" / "sample.npz"
+        subprocess.run([sys.executable, "-c", _COMPILE, str(sample)], stderr=subprocess.DEVNULL)
 
 
 @pytest.fixture(scope="session")
