@@ -77,7 +77,7 @@ def make_mcap(**options):
 def make_own(path, joints):
     time = np.arange(len(joints)) * 10**7
     hands = {"right": ("right", "a", time, joints, np.ones((len(joints), 21)), joints)}
-    write_own(path, hands, "repeated")
+    write_own(path, hands)
 
 
 FORMATS = {

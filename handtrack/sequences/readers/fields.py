@@ -100,10 +100,14 @@ def from_fields(fields: Mapping[str, Any], path: Path) -> Raw:
     return raw
 
 
+_TOLD = ("rejected",)
+"""Arrays of our own export that are no part of what was observed."""
+
+
 def _refuse_meant(fields: Mapping[str, Any], path: Path) -> None:
     for key, value in fields.items():
         truths = isinstance(value, np.ndarray) and value.dtype.kind == "b" and value.ndim == 2
-        if truths and not is_confidence(key):
+        if truths and key not in _TOLD and not is_confidence(key):
             raise InputError(
                 f"{key[:40]!r} is true or false of each joint and is not understood: name it valid"
                 " (true where it is seen), or leave it out",
