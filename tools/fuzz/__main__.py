@@ -1,7 +1,7 @@
 """Spoil inputs of every kind, at random and on purpose, and see that each is read or refused.
 
-    python -m tools.fuzz --seconds 120 [--seed 1] [--only csv,ho3d] [--bombs] [--gadgets]
-        [--keep DIR]
+    python -m tools.fuzz --seconds 120 [--inputs 100000] [--seed 1] [--only csv,ho3d] [--bombs]
+        [--gadgets] [--keep DIR]
 
 Each input is read in a process of its own that may take 5 s and 1 GB and is watched for imports,
 files it writes and programs it starts. Ends that count as faults: traceback, WRONG (a value that
@@ -103,6 +103,7 @@ def main() -> int:
     """Run it."""
     parser = argparse.ArgumentParser(description=str(__doc__).partition("\n")[0])
     parser.add_argument("--seconds", type=float, default=60.0, help="how long")
+    parser.add_argument("--inputs", type=int, default=10**9, help="how many at most")
     parser.add_argument("--seed", type=int, default=1, help="other inputs for another number")
     parser.add_argument("--only", help="kinds, with commas between")
     parser.add_argument("--bombs", action="store_true", help="all bombs, nothing else")
@@ -124,7 +125,7 @@ def main() -> int:
                     print(json.dumps(answer), flush=True)
                     seen.add(f"{answer['end']} {place}")
                     _keep(options.keep, Path(temp) / "case", answer, case)
-            if time.monotonic() > stop:
+            if time.monotonic() > stop or counts.total() >= options.inputs:
                 break
         worker.process.kill()
         worker.process.wait()
