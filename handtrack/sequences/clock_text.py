@@ -175,10 +175,12 @@ def _pair_ns(value: Any, frame: int) -> int:
         names = {str(k).lower(): v for k, v in value.items()}
         for keys in (_SECONDS, _NANOS):
             parts.append(next((names[k] for k in keys if k in names), None))
-    elif len(value) == 2:
+    elif isinstance(value, list | tuple) and len(value) == 2:
         parts = list(value)
     if len(parts) != 2 or not all(
-        isinstance(p, int | float | np.number) and not isinstance(p, bool) and np.isfinite(p)
+        isinstance(p, int | float | np.number)
+        and not isinstance(p, bool)
+        and abs(float(p) if isinstance(p, np.number) else p) <= _LARGEST  # and no NaN
         for p in parts
     ):
         raise NotTimeError(frame, f"is {str(value)[:40]}, expected sec and nanosec")

@@ -36,7 +36,8 @@ def palm_length(joints: Array) -> float:
     Returns:
         In the joints' unit; NaN if no bone is ever complete.
     """
-    bones = np.linalg.norm(joints[:, 1:] - joints[:, PARENTS[1:]], axis=-1)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is no place is refused later
+        bones = np.linalg.norm(joints[:, 1:] - joints[:, PARENTS[1:]], axis=-1)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing are NaN, as meant
         palm = float(np.nanmedian(np.nanmean(bones[:, BASES[1:] - 1], axis=1)))

@@ -96,6 +96,8 @@ def cases(about: dict[str, Any], options: argparse.Namespace) -> Iterator[Case]:
     number = options.seed * 10**9
     while not alone:
         yield from (("mutant", kind, number) for kind in kinds)
+        if number % 3 == 0:
+            yield from ((way, kind, number) for kind in kinds for way in about["kinds"][kind])
         number += 1
 
 
@@ -117,7 +119,7 @@ def main() -> int:
         worker = Worker(Path(temp))
         for case in cases(worker.about, options):
             answer = worker.run(case)
-            kind = case[1] or case[0]
+            kind = case[1] if case[0] == "mutant" else case[0]
             counts[kind, answer["end"]] += 1
             if answer["end"] not in FINE:
                 place = answer["text"].rpartition(" at ")[2]

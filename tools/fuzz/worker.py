@@ -23,9 +23,12 @@ import numpy as np
 
 import handtrack as ht
 from handtrack.errors import HandtrackError
-from tools.fuzz import corpus, gadgets
+from handtrack.sequences.sequence import Sequence
+from tools.fuzz import corpus, gadgets, judge
 from tools.fuzz.bombs import bombs
+from tools.fuzz.harmless import NONE, rewritten
 from tools.fuzz.kinds import kinds
+from tools.fuzz.mutate import of_bytes, of_numbers
 from tools.fuzz.mutate_packed import mutated
 
 MEMORY = 10**9
@@ -34,6 +37,8 @@ _FORBIDDEN = {
     "smtplib", "webbrowser", "pickle", "code", "tempfile", "sqlite3", "mmap",
 }  # fmt: skip
 _HARMLESS = {"os.listdir", "os.scandir", "os.walk", "os.fwalk", "shutil.rmtree", "os.putenv"}
+ONE_NUMBER = ("json bare", "freihand", "csv bare", "interhand")
+"""Kinds of text in which nearly every number is of a joint."""
 _OURS = ("handtrack", "numpy", "msgspec", "google", "mcap", "lz4", "zstandard", "scipy", "numba")
 
 
@@ -89,7 +94,8 @@ class Runner:
         self.kinds = targets()
         joints = corpus.motion()
         self.files = {name: kind.make(joints) for name, kind in self.kinds.items()}
-        self.truth: dict[str, list[Any]] = {}
+        self.truth: dict[str, Any] = {}
+        self._how = ""
         self.bombs = list(bombs())
         self.gadgets = [
             (f"{name} {i}", data)
@@ -104,10 +110,13 @@ class Runner:
                 raise SystemExit(f"the sound {name} is not read: {answer}")
         self.watch.first = False
         for name in self.kinds:
-            self.truth[name] = _joints(self._value)
+            self._run(name, self.files[name], name)
+            self.truth[name] = self._value
 
     def case(self, what: str, name: str, number: int) -> dict[str, Any]:
-        """One: "mutant" of a kind, or the "bomb" or "gadget" of that number."""
+        """One: "mutant", "same", "flip" or "number" of a kind, or the "bomb" or "gadget" of that
+        number."""
+        self._how = what
         if what == "bomb":
             name, file, make = self.bombs[number]
             files = {**self.files[name], file: make()}
@@ -121,11 +130,22 @@ class Runner:
                 answer |= {"end": "executed"}
             return answer
         rng = random.Random(f"{name} {number}")
+        files, how = self._spoilt(what, name, rng)
+        return self._run(name, files, f"{what} {name} {number} {how}")
+
+    def _spoilt(self, what: str, name: str, rng: random.Random) -> tuple[corpus.Files, str]:
         files = dict(self.files[name])
+        if what == "same":
+            return rewritten(name, files, rng)
+        if what in ("flip", "number"):
+            with_sums = [f for f in sorted(files) if f != "meta.yml"]
+            file = rng.choice(with_sums)
+            files[file] = (of_bytes if what == "flip" else of_numbers)(files[file], rng)
+            return files, file
         for _ in range(rng.choice((1, 1, 2))):
             file = rng.choice(sorted(files))
             files[file] = mutated(files[file], rng)
-        return self._run(name, files, f"{name} {number}")
+        return files, ""
 
     def _run(
         self, name: str, files: corpus.Files, label: str, target: str | None = None
@@ -171,27 +191,28 @@ class Runner:
         elif odd and answer["end"] in ("ok", "refused"):
             first = odd[0]
             answer |= {"end": "warning", "text": f"{first.message} {first.filename}:{first.lineno}"}
+        elif answer["end"] == "refused" and self._how == "same" and not self.watch.first:
+            answer["end"] = "WRONG"
         elif answer["end"] == "refused":
             text = answer["text"]
             if "\n" in text or len(text) > len(str(self.folder)) + 800 or not text.isprintable():
                 answer["end"] = "bad line"
         elif answer["end"] == "ok" and name in self.truth:
-            answer |= _compared(self.kinds[name], self.truth[name], self._value, told)
+            answer |= self._compared(name, told)
 
-
-def _joints(value: Any) -> list[Any]:
-    return (
-        [s.joints for s in value] if isinstance(value, list) and hasattr(value[0], "joints") else []
-    )
-
-
-def _compared(kind: corpus.Kind, truth: list[Any], value: Any, told: bool) -> dict[str, Any]:
-    """Numbers that no hand has; and other ones than were there, where sums tell."""
-    found = _joints(value)
-    for joints in found:
-        if np.isinf(joints).any():
-            return {"end": "WRONG", "text": "infinite joints"}
-    return {}
+    def _compared(self, name: str, told: bool) -> dict[str, Any]:
+        """Whether the values are those of the sound input, where they must be."""
+        truth, value = self.truth[name], self._value
+        for each in value if isinstance(value, list) else ():
+            if isinstance(each, Sequence) and np.isinf(each.joints).any():
+                return {"end": "WRONG", "text": "infinite joints"}
+        told = told or judge.told(value, truth)
+        wrong = ""
+        if self._how == "same" or (self._how == "flip" and not told):
+            wrong = judge.different(value, truth)
+        elif self._how == "number" and not told:
+            wrong = judge.moved(value, truth)
+        return {"end": "WRONG", "text": wrong} if wrong else {}
 
 
 def _memory() -> int:
@@ -199,6 +220,12 @@ def _memory() -> int:
     with open("/proc/self/status", encoding="ascii") as status:
         high = next(line for line in status if line.startswith("VmHWM"))
     return 1024 * int(high.split()[1])
+
+
+def judged(name: str, kind: corpus.Kind) -> list[str]:
+    """The ways to spoil a kind of which it is known what must come out."""
+    ways = [] if name in NONE else ["same"]
+    return ways + ["flip"] * kind.checked + ["number"] * (name in ONE_NUMBER)
 
 
 def main() -> None:
@@ -209,8 +236,9 @@ def main() -> None:
     runner = Runner(folder)
     resource.setrlimit(resource.RLIMIT_AS, (16 * MEMORY, resource.RLIM_INFINITY))
     gc.freeze()  # else each collection goes through all of it
-    counts = {"bombs": len(runner.bombs), "gadgets": 2 * len(runner.gadgets)}
-    print(json.dumps(counts | {"kinds": list(kinds())}), file=answers, flush=True)
+    about: dict[str, Any] = {"bombs": len(runner.bombs), "gadgets": 2 * len(runner.gadgets)}
+    about["kinds"] = {name: judged(name, kind) for name, kind in kinds().items()}
+    print(json.dumps(about), file=answers, flush=True)
     for line in sys.stdin:
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
         print(json.dumps(runner.case(*json.loads(line))), file=answers, flush=True)

@@ -101,8 +101,9 @@ def _looseness(joints: Array) -> float:
     moved = joints[np.isfinite(joints).all((1, 2))]
     if not len(moved):
         return float("inf")
-    bones = np.linalg.norm(moved[:, child] - moved[:, parent], axis=-1)
-    return float((bones.mean(0) + 5 * bones.std(0)).sum())
+    with np.errstate(over="ignore", invalid="ignore"):  # what is no place is refused later
+        bones = np.linalg.norm(moved[:, child] - moved[:, parent], axis=-1)
+        return float((bones.mean(0) + 5 * bones.std(0)).sum())
 
 
 def _with_count(raw: Raw, first: Array | None, table: Table, path: Path) -> Raw:

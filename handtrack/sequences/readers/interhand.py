@@ -111,7 +111,7 @@ def _number(key: str, name: str, path: Path) -> int:
 def _valid(given: list[Any], where: str, path: Path) -> Any:
     try:
         valid = np.array(given, dtype=np.float64).reshape(-1)
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, OverflowError):
         raise InputError(f"{where}: joint_valid is ragged, expected 42 numbers", path) from None
     if len(valid) != 2 * N_JOINTS:
         raise InputError(f"{where}: joint_valid has {len(valid)} numbers, expected 42", path)

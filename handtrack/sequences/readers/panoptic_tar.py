@@ -39,6 +39,7 @@ _DAMAGED = (
     zlib.error,
     lzma.LZMAError,
 )
+_PIECE = 1 << 20
 # names alone pack so well that their number says nothing; what has content takes some bytes
 _MEMBERS, _PACKED_MEMBER = 20_000, 100
 
@@ -158,3 +159,5 @@ def _check_end(archive: tarfile.TarFile) -> None:
     stream.seek(archive.offset)
     if stream.read(tarfile.BLOCKSIZE) != bytes(tarfile.BLOCKSIZE):
         raise tarfile.ReadError("no end of the archive")
+    while stream.read(_PIECE):  # the packer's checksum stands behind all of it
+        pass

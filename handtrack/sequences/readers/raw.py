@@ -114,6 +114,8 @@ def as_hand(value: object, path: Path, where: str = "hand") -> Hand:
     Raises:
         InputError: it is neither left nor right.
     """
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.item()
     side = as_side(value)
     if side is not None:
         return side
