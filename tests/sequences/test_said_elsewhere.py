@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -41,3 +42,16 @@ def test_a_confidence_that_was_never_measured(tmp_path, right, shape):
     np.savez(tmp_path / "a.npz", joints_m=right, confidence=np.zeros((len(right), *shape)))
     with pytest.raises(ht.InputError, match=r"a.npz: confidence is 0 for every joint in every"):
         ht.load(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize("line", ["{}", "null", "[]"])
+def test_millions_of_lines_of_nothing_are_told_at_once(tmp_path, line):
+    path = tmp_path / "a.jsonl"
+    path.write_text(f"{line}\n" * 1_000_000)
+    tracemalloc.start()
+    try:
+        with pytest.raises(ht.InputError, match=r"a.jsonl: every frame is missing"):
+            ht.load(path)
+        assert tracemalloc.get_traced_memory()[1] < 10 * path.stat().st_size
+    finally:
+        tracemalloc.stop()

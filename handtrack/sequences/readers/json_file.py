@@ -36,6 +36,10 @@ _MOST_HANDS = 4
 _NUMBER = re.compile(r"(?i)((?:frame|f|image|img|t)?[_ ]?)(\d{1,12})")
 
 
+_OF_NOTHING = b" \t\r\nnul{}[],"
+"""What lines of null, {} and [] are made of: whatever says something needs more."""
+
+
 def is_lines(data: bytes) -> bool:
     """Whether the text is JSON lines: its first line is a whole value, and more follows."""
     head, _, rest = data.lstrip(b"\xef\xbb\xbf \t\r\n").partition(b"\n")
@@ -55,6 +59,8 @@ def read_lines(data: bytes, path: Path) -> list[Raw]:
         NotJointsError: no joints in any line.
         InputError: a line that is not JSON or not a frame (with its number).
     """
+    if not data.translate(None, _OF_NOTHING):
+        raise NotJointsError("every frame is missing", path)
     lines = [(n, line) for n, line in enumerate(data.split(b"\n"), 1) if line.strip()]
     try:  # all at once is faster, but cannot say which line is wrong
         values = decode(b"[" + b",".join(line for _, line in lines) + b"]", list[Any], path)
