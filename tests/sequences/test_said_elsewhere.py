@@ -55,3 +55,9 @@ def test_millions_of_lines_of_nothing_are_told_at_once(tmp_path, line):
         assert tracemalloc.get_traced_memory()[1] < 10 * path.stat().st_size
     finally:
         tracemalloc.stop()
+
+
+def test_a_list_of_millions_of_nothing(tmp_path):
+    (tmp_path / "a.json").write_text("[" + "[]," * 400_000 + "[]]")
+    with pytest.raises(ht.InputError, match=r"a.json: every frame is missing"):
+        ht.load(tmp_path / "a.json")

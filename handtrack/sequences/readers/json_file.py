@@ -36,6 +36,7 @@ _MOST_HANDS = 4
 _NUMBER = re.compile(r"(?i)((?:frame|f|image|img|t)?[_ ]?)(\d{1,12})")
 
 
+_LARGE = 1_000_000
 _OF_NOTHING = b" \t\r\nnul{}[],"
 """What lines of null, {} and [] are made of: whatever says something needs more."""
 
@@ -78,6 +79,8 @@ def read_json(data: bytes, path: Path) -> list[Raw]:
         NotJointsError: well-formed, but without joints.
         InputError: malformed, or a field that does not fit.
     """
+    if len(data) > _LARGE and not data.translate(None, _OF_NOTHING):
+        raise NotJointsError("every frame is missing", path)
     return from_value(decode(data, Any, path), path)
 
 
