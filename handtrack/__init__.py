@@ -1,5 +1,18 @@
 """handtrack: track 3D hand joint sequences, record, replay and measure them.
 
+- Read: `load`, `repair_identity`, `load_cameras`; they give `Sequence` (with `Remark`), `Camera`.
+- Hands: `HandModel`, `Limits`, `MANO`, `load_hand`, `save_hand`, `to_mano`,
+  `from_mano` (`ManoPose`, `AnglesOfMano`); of a subject: `calibrate` (`Calibration`),
+  `explain` (`Explained`).
+- Fit: `fit`, `fit_batch`, `fit_2d`, all giving `Fit`; settings `FitSettings`, `ImageSettings`.
+- Track: `track` gives `Track` (with `Event`), `Tracker` gives `TrackedFrame`s; settings
+  `TrackSettings`, `TrackerSettings`, `FilterSettings`, `CalibrationSettings`.
+- Record: `McapRecorder`, `write_mcap`, `read_mcap`, `follow_mcap`, `retrack`, `info`, `recover`
+  (`Recovered`).
+- Look: `replay`, `log_rerun`, `LiveViewer`, `export`.
+- Measure: `stability` (`StabilityReport` of `Stability`), `diff` (`Difference`s), `metrics`.
+- What went wrong: `InputError`, `SettingsError`, `ModelError`, all `HandtrackError`.
+
 The public names load on first use, so that `import handtrack` and the command line are quick.
 """
 
@@ -15,42 +28,69 @@ _WHERE = {
     "InputError": "errors",
     "SettingsError": "errors",
     "ModelError": "errors",
+    "FitSettings": "fitting.settings",
+    "ImageSettings": "fitting.settings",
+    "CalibrationSettings": "calibration.settings",
+    "FilterSettings": "tracking.settings",
+    "TrackerSettings": "tracking.settings",
+    "TrackSettings": "tracking.settings",
     "HandModel": "hand.model",
     "Limits": "hand.limits",
     "MANO": "hand.mano",
+    "ManoPose": "hand.mano_pose",
+    "AnglesOfMano": "hand.mano_pose",
+    "to_mano": "hand.mano_pose",
+    "from_mano": "hand.mano_pose",
+    "save_hand": "hand.hand_file",
+    "load_hand": "hand.hand_file",
     "Sequence": "sequences.sequence",
+    "Remark": "sequences.sequence",
     "load": "sequences.load",
     "repair_identity": "sequences.identity",
-    "Fit": "fitting.fit",
+    "Camera": "cameras.camera",
+    "load_cameras": "cameras.formats",
+    "Fit": "fitting.result",
     "fit": "fitting.fit",
     "fit_batch": "fitting.batch",
     "fit_2d": "fitting.images",
-    "Camera": "cameras.camera",
-    "load_cameras": "cameras.formats",
+    "Calibration": "calibration.calibrate",
     "calibrate": "calibration.calibrate",
+    "Explained": "calibration.explain",
     "explain": "calibration.explain",
-    "save_hand": "hand.hand_file",
-    "load_hand": "hand.hand_file",
-    "Tracker": "tracking.tracker",
-    "track": "tracking.tracker",
-    "retrack": "recording.retrack",
+    "TrackedFrame": "tracking.frame",
+    "Event": "tracking.track",
     "Track": "tracking.track",
     "write_mcap": "recording.write",
     "read_mcap": "recording.read",
     "follow_mcap": "recording.read",
     "McapRecorder": "recording.recorder",
     "RecordingSettings": "recording.settings",
+    "Tracker": "tracking.tracker",
+    "track": "tracking.sequence_track",
+    "retrack": "recording.retrack",
+    "info": "recording.info",
+    "Recovered": "recording.recover",
+    "recover": "recording.recover",
     "log_rerun": "viewer.rerun_log",
-    "export": "exporting.files",
+    "replay": "viewer.replay",
     "LiveViewer": "viewer.live_viewer",
+    "export": "exporting.files",
     "stability": "evaluation.stability",
+    "Stability": "evaluation.results",
+    "StabilityReport": "evaluation.results",
+    "Difference": "evaluation.difference",
+    "diff": "evaluation.difference:differences",
 }
+"""Where each public name is made, and its name there if that is another."""
 
 __all__ = [*sorted(_WHERE), "__version__", "metrics"]
 
 if TYPE_CHECKING:
+    from handtrack.calibration.calibrate import Calibration as Calibration
     from handtrack.calibration.calibrate import calibrate as calibrate
+    from handtrack.calibration.explain import Explained as Explained
     from handtrack.calibration.explain import explain as explain
+    from handtrack.calibration.settings import CalibrationSettings as CalibrationSettings
     from handtrack.cameras.camera import Camera as Camera
     from handtrack.cameras.formats import load_cameras as load_cameras
     from handtrack.errors import HandtrackError as HandtrackError
@@ -58,30 +98,50 @@ if TYPE_CHECKING:
     from handtrack.errors import ModelError as ModelError
     from handtrack.errors import SettingsError as SettingsError
     from handtrack.evaluation import metrics as metrics
+    from handtrack.evaluation.difference import Difference as Difference
+    from handtrack.evaluation.difference import differences as diff  # noqa: F401
+    from handtrack.evaluation.results import Stability as Stability
+    from handtrack.evaluation.results import StabilityReport as StabilityReport
     from handtrack.evaluation.stability import stability as stability
     from handtrack.exporting.files import export as export
     from handtrack.fitting.batch import fit_batch as fit_batch
-    from handtrack.fitting.fit import Fit as Fit
     from handtrack.fitting.fit import fit as fit
     from handtrack.fitting.images import fit_2d as fit_2d
+    from handtrack.fitting.result import Fit as Fit
+    from handtrack.fitting.settings import FitSettings as FitSettings
+    from handtrack.fitting.settings import ImageSettings as ImageSettings
     from handtrack.hand.hand_file import load_hand as load_hand
     from handtrack.hand.hand_file import save_hand as save_hand
     from handtrack.hand.limits import Limits as Limits
     from handtrack.hand.mano import MANO as MANO
+    from handtrack.hand.mano_pose import AnglesOfMano as AnglesOfMano
+    from handtrack.hand.mano_pose import ManoPose as ManoPose
+    from handtrack.hand.mano_pose import from_mano as from_mano
+    from handtrack.hand.mano_pose import to_mano as to_mano
     from handtrack.hand.model import HandModel as HandModel
+    from handtrack.recording.info import info as info
     from handtrack.recording.read import follow_mcap as follow_mcap
     from handtrack.recording.read import read_mcap as read_mcap
     from handtrack.recording.recorder import McapRecorder as McapRecorder
+    from handtrack.recording.recover import Recovered as Recovered
+    from handtrack.recording.recover import recover as recover
     from handtrack.recording.retrack import retrack as retrack
     from handtrack.recording.settings import RecordingSettings as RecordingSettings
     from handtrack.recording.write import write_mcap as write_mcap
     from handtrack.sequences.identity import repair_identity as repair_identity
     from handtrack.sequences.load import load as load
+    from handtrack.sequences.sequence import Remark as Remark
     from handtrack.sequences.sequence import Sequence as Sequence
+    from handtrack.tracking.frame import TrackedFrame as TrackedFrame
+    from handtrack.tracking.sequence_track import track as track
+    from handtrack.tracking.settings import FilterSettings as FilterSettings
+    from handtrack.tracking.settings import TrackerSettings as TrackerSettings
+    from handtrack.tracking.settings import TrackSettings as TrackSettings
+    from handtrack.tracking.track import Event as Event
     from handtrack.tracking.track import Track as Track
     from handtrack.tracking.tracker import Tracker as Tracker
-    from handtrack.tracking.tracker import track as track
     from handtrack.viewer.live_viewer import LiveViewer as LiveViewer
+    from handtrack.viewer.replay import replay as replay
     from handtrack.viewer.rerun_log import log_rerun as log_rerun
 
 
@@ -89,7 +149,8 @@ def __getattr__(name: str) -> Any:
     if name == "metrics":
         return importlib.import_module("handtrack.evaluation.metrics")
     if name in _WHERE:
-        value = getattr(importlib.import_module(f"handtrack.{_WHERE[name]}"), name)
+        module, _, there = _WHERE[name].partition(":")
+        value = getattr(importlib.import_module(f"handtrack.{module}"), there or name)
         globals()[name] = value
         return value
     raise AttributeError(f"module 'handtrack' has no attribute {name!r}")

@@ -45,7 +45,7 @@ class HandtrackError(Exception):
         super().__init__(_LONG_WORD.sub(lambda m: m[0][: QUOTED - 1] + "…", text))
 
 
-class InputError(HandtrackError):
+class InputError(HandtrackError, ValueError):
     """A file or an array is not what was expected.
 
     Args:
@@ -60,7 +60,7 @@ class InputError(HandtrackError):
             self.args = (f"{printable(str(path))}: {self.args[0]}",)
 
 
-class SettingsError(HandtrackError):
+class SettingsError(HandtrackError, ValueError):
     """An argument or a setting has a value that cannot be used."""
 
 

@@ -13,6 +13,7 @@ from handtrack.calibration.chains import SIZE, Chains
 from handtrack.calibration.frames import MIN_SEEN, Material, chosen, poses_of
 from handtrack.calibration.freedoms import DRIFT, FEW, Freedoms, freedoms, shape
 from handtrack.calibration.proportions import Proportions, proportions
+from handtrack.calibration.settings import METHODS, MIN_FRAMES, CalibrationSettings
 from handtrack.errors import InputError, ModelError, SettingsError
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import reshaped
@@ -21,11 +22,7 @@ from handtrack.sequences.sequence import Sequence
 
 Array = NDArray[np.float64]
 
-METHODS = ("auto", "full", "lengths", "proportions", "scale")
-FRAMES = 120
-"""How many frames of a clip the bundle adjustment takes."""
-MIN_FRAMES = 10
-"""A full calibration from fewer frames would be a guess."""
+FRAMES = CalibrationSettings().frames
 
 # angles are expected to be this far from the relaxed hand, and outside their limits [rad]
 _LOOSE = np.deg2rad([180.0, 75.0, 180.0, 180.0])
@@ -91,6 +88,7 @@ def calibrate(
     model: HandModel,
     sequences: Sequence | Iterable[Sequence],
     method: str = "auto",
+    *,
     frames: int = FRAMES,
 ) -> Calibration:
     """The hand of a subject.

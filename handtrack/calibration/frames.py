@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from handtrack.calibration.bundle import Poses
 from handtrack.calibration.noise import smoothed, white_noise
-from handtrack.fitting import fit
+from handtrack.fitting import solver
 from handtrack.hand.model import HandModel
 from handtrack.sequences.sequence import Sequence
 
@@ -61,22 +61,22 @@ class Material:
     def __len__(self) -> int:
         return len(self.joints)
 
-    def fitted(self, model: HandModel) -> fit.Results:
+    def fitted(self, model: HandModel) -> solver.Results:
         """The model fitted to all frames."""
-        results = fit.Results(len(self), full=False)
+        results = solver.Results(len(self), full=False)
         results.run(
-            fit.Program(),
+            solver.Program(),
             model,
             self.joints.copy(),
             self.weights.copy(),
-            fit.start_at(model),
+            solver.start_at(model),
             model.mean_angles,
             alone=not self.dense,
         )
         return results
 
 
-def sound(results: fit.Results, weights: Array) -> NDArray[np.int64]:
+def sound(results: solver.Results, weights: Array) -> NDArray[np.int64]:
     """Frames that are fitted, and not very much worse than most.
 
     Args:
@@ -93,7 +93,7 @@ def sound(results: fit.Results, weights: Array) -> NDArray[np.int64]:
     return np.flatnonzero(good)
 
 
-def chosen(results: fit.Results, weights: Array, most: int) -> NDArray[np.int64]:
+def chosen(results: solver.Results, weights: Array, most: int) -> NDArray[np.int64]:
     """Frames to calibrate from, none of those that fit badly.
 
     Half of them are those whose poses differ most from each other, which inform most; half
@@ -122,7 +122,7 @@ def chosen(results: fit.Results, weights: Array, most: int) -> NDArray[np.int64]
     return np.sort(index[np.concatenate([taken, others[even]])])
 
 
-def poses_of(model: HandModel, results: fit.Results, index: NDArray[np.int64]) -> Poses:
+def poses_of(model: HandModel, results: solver.Results, index: NDArray[np.int64]) -> Poses:
     """The fitted poses of some frames."""
     rotation = results.roots[index, :9].reshape(-1, 3, 3)
     wrist = results.roots[index, 9:] + rotation @ model.rest_joints[0]

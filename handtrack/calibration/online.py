@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from handtrack.calibration.calibrate import MIN_FRAMES, Calibration, calibrate
+from handtrack.calibration.calibrate import Calibration, calibrate
 from handtrack.calibration.frames import MIN_SEEN
+from handtrack.calibration.settings import MIN_FRAMES
 from handtrack.errors import InputError, SettingsError
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_JOINTS

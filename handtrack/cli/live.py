@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from handtrack.hand.skeleton import Hand
     from handtrack.live.lines import LiveFrame
     from handtrack.live.sources import Newest
+    from handtrack.tracking.settings import TrackSettings
     from handtrack.tracking.tracker import Tracker
 
 
@@ -79,11 +80,11 @@ def live(
     if output is None:
         output = RECORDINGS / "live.mcap"
     check_target(output, ".mcap", "-o")
-    settings, recording = take_tracking(options), take_recording(options)
-    if settings["filter"] == "rts":
+    (settings, limits), recording = take_tracking(options), take_recording(options)
+    if settings.filter.name == "rts":
         raise SettingsError("--filter rts needs the whole sequence: choose kalman or fixed-lag")
-    calibrate = settings.pop("calibrate") is True
-    models = take_models(options, settings.pop("limits"))
+    calibrate = settings.calibration.method is True
+    models = take_models(options, limits)
     from handtrack import Tracker
     from handtrack.live.live import LiveCount, RecorderSink, ViewerSink, run_live
     from handtrack.viewer.live_viewer import LiveViewer
@@ -101,7 +102,7 @@ def live(
             sinks.append(ViewerSink(viewer))
         # a subject's own hand, and MANO's, stay as they are given
         given = models.file is not None or models.base[0] == "mano"
-        recalibrated = partial(Tracker, **settings) if calibrate and not given else None
+        recalibrated = partial(Tracker, settings=settings) if calibrate and not given else None
         count: LiveCount = run_live(
             (_only(frame, hand) for frame in frames),
             lambda side, size: _tracker(models, side, size, settings),
@@ -163,12 +164,12 @@ def _only(frame: LiveFrame, hand: Hand | None) -> LiveFrame:
     return replace(frame, joints=joints)
 
 
-def _tracker(models: Models, hand: Hand, size: float, settings: dict[str, Any]) -> Tracker:
+def _tracker(models: Models, hand: Hand, size: float, settings: TrackSettings) -> Tracker:
     from handtrack import HandModel, Tracker
 
     model = models.of(hand)
     if models.file is not None:  # a subject's own hand has its size
-        return Tracker(model, **settings)
+        return Tracker(model, settings=settings)
     # as large as the hand that is seen
     ratio = size * HandModel.default(hand).size / model.size
-    return Tracker(model.scaled(ratio), **settings)
+    return Tracker(model.scaled(ratio), settings=settings)

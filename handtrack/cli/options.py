@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from handtrack.errors import SettingsError
+from handtrack.settings import Known
+from handtrack.tracking.settings import TrackSettings
 
 if TYPE_CHECKING:
     from handtrack.recording.settings import RecordingSettings
@@ -63,100 +65,57 @@ def take_recording(options: dict[str, Any]) -> RecordingSettings:
     return RecordingSettings.of(**taken)
 
 
-class _Factor(click.ParamType[Any]):
-    """auto, or a number."""
+class _Number(click.ParamType[Any]):
+    """One of some words, or a number."""
 
-    name = "factor"
+    name = "number"
+
+    def __init__(self, words: tuple[str, ...]) -> None:
+        self._words = words
 
     def convert(self, value: Any, param: Any, context: Any) -> Any:
-        return value if value == "auto" else click.FLOAT.convert(value, param, context)
+        return value if value in self._words else click.FLOAT.convert(value, param, context)
 
 
+def _option(name: str, known: Known) -> Callable[[_Command], _Command]:
+    """The option that a setting is on the command line."""
+    about, default = known.about, known.default
+    dashed = name.replace("_", "-")
+    if isinstance(default, bool):
+        return click.option(f"--{dashed}/--no-{dashed}", default=default, help=about.help)
+    kind: click.ParamType[Any]
+    if about.choices:
+        kind = click.Choice(about.choices)
+    elif about.words:
+        kind = _Number(about.words)
+    else:
+        ranges = click.IntRange if isinstance(default, int) else click.FloatRange
+        low = about.least if about.above is None else about.above
+        kind = ranges(low, about.most, min_open=about.above is not None)  # type: ignore[arg-type]
+    return click.option(
+        f"--{dashed}",
+        type=kind,
+        default=default,
+        show_default=default is not None,
+        metavar=about.metavar,
+        help=about.help,
+    )
+
+
+_LIMITS = click.option(
+    "--limits",
+    type=click.Choice(["anatomical", "li2021"]),
+    default="anatomical",
+    show_default=True,
+    help="Joint limits: a wide anatomical set, or Table 1 of Li et al. 2021.",
+)
 _TRACKING = {
-    "limits": click.option(
-        "--limits",
-        type=click.Choice(["anatomical", "li2021"]),
-        default="anatomical",
-        show_default=True,
-        help="Joint limits: a wide anatomical set, or Table 1 of Li et al. 2021.",
-    ),
-    "update": click.option(
-        "--update",
-        type=click.Choice(["exact", "li2021"]),
-        default="exact",
-        show_default=True,
-        help="Block updates: the constrained minimiser, or the paper's.",
-    ),
-    "calibrate": click.option(
-        "--calibrate/--no-calibrate",
-        default=True,
-        help="Find the subject's hand in the sequence: lengths, palm and axes (default; with"
-        " --hand-model it is fitted as it is); or only its size.",
-    ),
-    "gate": click.option(
-        "--gate/--no-gate",
-        default=True,
-        help="Leave out joints and frames that cannot be true (default), or use all.",
-    ),
-    "filter": click.option(
-        "--filter",
-        type=click.Choice(["none", "kalman", "one-euro", "fixed-lag", "rts"]),
-        default="none",
-        show_default=True,
-        help="Steady the poses: frame by frame (kalman, one-euro), by the next frames too"
-        " (fixed-lag), or by the whole sequence (rts).",
-    ),
-    "lag": click.option(
-        "--lag",
-        type=click.IntRange(0, 1000),
-        default=2,
-        show_default=True,
-        metavar="FRAMES",
-        help="How many frames fixed-lag waits.",
-    ),
-    "process_noise": click.option(
-        "--process-noise",
-        type=_Factor(),
-        default="auto",
-        show_default=True,
-        metavar="auto|FACTOR",
-        help="How wildly the hand moves: learnt, or a factor on usual accelerations.",
-    ),
-    "couple": click.option(
-        "--couple/--no-couple",
-        default=True,
-        help="Let the filter's prediction enter the fit (default), or filter the fits.",
-    ),
-    "robust": click.option(
-        "--robust",
-        type=click.Choice(["none", "huber", "geman-mcclure"]),
-        default="none",
-        show_default=True,
-        help="Give joints that are far off little weight (huber), or next to none.",
-    ),
-    "spread_mm": click.option(
-        "--spread-mm",
-        type=click.FloatRange(0, min_open=True),
-        default=10.0,
-        show_default=True,
-        metavar="MM",
-        help="How far off --robust begins to doubt a joint.",
-    ),
-    "noise_mm": click.option(
-        "--noise-mm",
-        type=click.FloatRange(0, min_open=True),
-        metavar="MM",
-        help="Noise of the joints, per coordinate, for variances and filters; by default it is"
-        " estimated.",
-    ),
-    "collisions": click.option(
-        "--collisions/--no-collisions",
-        default=False,
-        help="Move bones apart that sink into each other; off by default.",
-    ),
+    name: _option(name, known)
+    for name, known in TrackSettings.known().items()
+    if known.about.option
 }
-"""How to track, by the argument of `handtrack.track` that it sets; `limits` are the model's.
-`track` and `retrack` share them."""
+"""How to track: an option for each setting of `handtrack.track` that is for the command line.
+`track`, `retrack` and `live` share them, and `--limits`, which are the model's."""
 
 
 def is_default(name: str) -> bool:
@@ -168,23 +127,24 @@ def is_default(name: str) -> bool:
 def tracking_options(command: _Command) -> _Command:
     """Give a command the options that say how to track; their values are taken
     by `take_tracking`."""
-    for option in reversed(_TRACKING.values()):
+    for option in reversed((_LIMITS, *_TRACKING.values())):
         command = option(command)
     return command
 
 
-def take_tracking(options: dict[str, Any]) -> dict[str, Any]:
-    """Take the values of `tracking_options` out of a command's options.
+def take_tracking(options: dict[str, Any]) -> tuple[TrackSettings, str]:
+    """Take the values of `tracking_options` out of a command's options: settings and limits.
 
     Raises:
-        SettingsError: an option that the filter has no use for.
+        SettingsError: a value cannot be used, or the filter has no use for an option.
     """
-    taken = {name: options.pop(name) for name in _TRACKING}
+    settings = TrackSettings.of(None, {name: options.pop(name) for name in _TRACKING})
     # retrack has the filter from the recording where it is not given
     known = click.get_current_context().info_name != "retrack" or not is_default("filter")
-    if known and taken["filter"] != "fixed-lag" and not is_default("lag"):
-        raise SettingsError(f"--lag belongs to --filter fixed-lag, not to {taken['filter']}")
-    return taken
+    name = settings.filter.name
+    if known and name != "fixed-lag" and not is_default("lag"):
+        raise SettingsError(f"--lag belongs to --filter fixed-lag, not to {name}")
+    return settings, options.pop("limits")
 
 
 def part_options(command: _Command) -> _Command:

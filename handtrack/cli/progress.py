@@ -5,9 +5,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    from handtrack.tracking.settings import TrackerSettings
 
 COMPILING = "compiling the fitter, once on this machine (about 15 s) ..."
 
@@ -40,18 +43,17 @@ def compiling_said(quiet: bool) -> Iterator[None]:
         events.unregister("numba:run_pass", listener)
 
 
-def warm_up(settings: dict[str, Any]) -> None:
+def warm_up(settings: TrackerSettings) -> None:
     """Have the machine code ready that tracking by these settings needs."""
     from handtrack.fitting import fit
     from handtrack.tracking import filters
 
     fit.warm_up()
-    steady = ("filter", "lag", "process_noise", "couple")
-    filters.warm_up(filters.FilterSettings(*(settings[name] for name in steady)))
-    if settings["update"] != "exact":  # a solver that is loaded, or compiled, when asked for
+    filters.warm_up(settings)
+    if settings.fit.update != "exact":  # a solver that is loaded, or compiled, when asked for
         import handtrack as ht
 
-        ht.fit(hand := ht.HandModel.default(), hand.rest_joints, update=settings["update"])
+        ht.fit(hand := ht.HandModel.default(), hand.rest_joints, update=settings.fit.update)
 
 
 class Progress:

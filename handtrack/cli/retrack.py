@@ -44,9 +44,9 @@ def retrack(file: Path, output: Path, as_json: bool, quiet: bool, **options: Any
     source = click.get_current_context().get_parameter_source
     given = {name for name in options if source(name) == ParameterSource.COMMANDLINE}
     recording = take_recording(options)
-    tracking = take_tracking(options)
-    models = take_models(options, tracking["limits"])
-    settings = {name: value for name, value in tracking.items() if name in given - {"limits"}}
+    tracking, limits = take_tracking(options)
+    models = take_models(options, limits)
+    settings = {name: value for name, value in tracking.flat().items() if name in given}
     check_target(output, ".mcap", "-o", [file])
     tracks = []
     with compiling_said(quiet or as_json):
@@ -65,7 +65,7 @@ def retrack(file: Path, output: Path, as_json: bool, quiet: bool, **options: Any
             elif "calibrate" in own:
                 model = models.of(stored.hand)
             if model is not None and "limits" in given:
-                model = model.with_limits(tracking["limits"])
+                model = model.with_limits(limits)
             tracks.append(run(stored, model, own))
     output.parent.mkdir(parents=True, exist_ok=True)
     ht.write_mcap(tracks, output, recording=recording)

@@ -77,21 +77,21 @@ def track(
     import handtrack as ht
     from handtrack.files.pictures import pictures_in
 
-    settings, recording = take_tracking(options), take_recording(options)
+    (settings, limits), recording = take_tracking(options), take_recording(options)
     mano = {name: options[name] for name in ("mano", "mano_tips")}
-    models = take_models(options, settings.pop("limits"))
+    models = take_models(options, limits)
     if models.file is not None and is_default("calibrate"):
-        settings["calibrate"] = "none"
+        settings = settings.but(calibrate="none")
     reading = Reading(**options, **mano)
     input = inputs[0]
     if camera is not None:
         with compiling_said(quiet or as_json):
             sequences, pictures, noise = from_cameras(
-                camera, inputs, reading, models, settings["calibrate"], quiet or as_json
+                camera, inputs, reading, models, settings.calibration.method, quiet or as_json
             )
-        settings["calibrate"] = "none"
-        if settings["noise_mm"] is None:
-            settings["noise_mm"] = noise
+        settings = settings.but(calibrate="none")
+        if settings.fit.noise_mm is None:
+            settings = settings.but(noise_mm=noise)
     elif len(inputs) > 1:
         raise SettingsError("several inputs are views of one scene: they need --camera")
     elif pictures_in(input) is not None:
@@ -125,10 +125,15 @@ def track(
                 for i, sequence in enumerate(job.sequences):
                     start, stretches = time.perf_counter(), Stretches(record, i)
                     try:
-                        model, how = models.subject(sequence, settings["calibrate"])
+                        model, how = models.subject(sequence, settings.calibration.method)
                         parts = show.parts(sequence, stretches)
-                        hooks: dict[str, Any] = {"progress": progress.frames, "on_part": parts}
-                        result = ht.track(sequence, model, **hooks, **settings | {"calibrate": how})
+                        result = ht.track(
+                            sequence,
+                            model,
+                            settings=settings.but(calibrate=how),
+                            progress=progress.frames,
+                            on_part=parts,
+                        )
                         _check_fitted(result)
                     except HandtrackError as error:
                         # a hand that is hardly seen must not take the others with it

@@ -4,58 +4,43 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.fitting import fit
+from handtrack.fitting.result import Fit
+from handtrack.fitting.settings import FitSettings
+from handtrack.fitting.solver import STATUS, Program, Results, at_noise, start_at
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_JOINTS
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class BatchFit:
-    """Fits of N unrelated frames; fields as in `Fit`, with the frames in front.
-
-    Attributes:
-        angles: (N, 20) [rad]; rotation: (N, 3, 3); translation: (N, 3) [m];
-            joints: (N, 21, 3) [m]; objective: (N,) [m^2]; variance: (N, 20) [rad^2].
-        status: (N,) "converged", "iteration limit", "underdetermined"; "missing" where a frame
-            has no joint at all: its poses are NaN, its variances infinite.
-    """
-
-    angles: Array
-    rotation: Array
-    translation: Array
-    joints: Array
-    objective: Array
-    variance: Array
-    status: NDArray[np.str_]
-
-
 def fit_batch(
     model: HandModel,
     joints: ArrayLike,
     weights: ArrayLike | None = None,
-    update: fit.Update = "exact",
-    method: fit.Method = "newton",
-    robust: fit.Robust = "none",
-    spread_mm: float = fit.SPREAD_MM,
-    noise_mm: float | None = None,
-    collisions: bool = False,
+    *,
     threads: int | None = None,
-) -> BatchFit:
+    covariances: bool = False,
+    settings: FitSettings | None = None,
+    **options: Any,
+) -> Fit:
     """Fit a hand model to many unrelated frames, each from the model's mean pose.
 
     Args:
-        model, update, method, robust, spread_mm, noise_mm, collisions: as in `fit`.
+        model: the hand.
         joints: (N, 21, 3) in the world [m]; NaN = missing.
         weights: (N, 21) or (21,), not negative; 1 by default.
         threads: as many as there are cores by default.
+        covariances: whether they are wanted (5 kB a frame), or variances alone.
+        settings, options: as in `fit`.
+
+    Returns:
+        The fits, with the frames in front of every shape.
 
     Raises:
         InputError: wrong shapes, infinite joints, or weights that are negative or not finite.
@@ -72,14 +57,12 @@ def fit_batch(
     threads = os.cpu_count() or 1 if threads is None else threads
     if threads < 1:
         raise SettingsError(f"threads is {threads}, expected at least 1")
-    program = fit.Program(
-        update, method, robust, spread_mm, noise_mm=noise_mm, collisions=collisions
-    )
+    program = Program(FitSettings.of(settings, options))
     program.contacts(model)  # once, not in every thread
 
-    def run(part: slice) -> fit.Results:
-        results = fit.Results(len(targets[part]), full=False)
-        keep, start = fit.start_at(model), model.mean_angles
+    def run(part: slice) -> Results:
+        results = Results(len(targets[part]), full=covariances)
+        keep, start = start_at(model), model.mean_angles
         results.run(program, model, targets[part], w[part], keep, start, alone=True)
         return results
 
@@ -90,14 +73,19 @@ def fit_batch(
     def join(name: str) -> Array:
         return np.concatenate([getattr(part, name) for part in parts])
 
-    roots = join("roots")
-    status = np.array([fit.STATUS.get(int(s), "missing") for s in join("states")], dtype=str)
-    return BatchFit(
+    roots, covariance = join("roots"), join("covariance")
+    if covariances:
+        covariance = at_noise(covariance, join("noise")[:, None, None])
+    status = np.array([STATUS.get(int(s), "missing") for s in join("states")], dtype=str)
+    return Fit(
         angles=join("angles"),
         rotation=roots[:, :9].reshape(-1, 3, 3),
         translation=roots[:, 9:],
         joints=join("joints"),
         objective=join("objective"),
-        variance=join("variance"),
         status=status,
+        sweeps=join("sweeps").astype(np.int64),
+        steps=join("steps").astype(np.int64),
+        covariance=covariance,
+        variance=join("variance"),
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -13,7 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from handtrack.cameras.camera import Camera
 from handtrack.cameras.triangulate import triangulate
 from handtrack.errors import InputError, SettingsError
-from handtrack.fitting import fit
+from handtrack.fitting.fit import fit
+from handtrack.fitting.result import N_POSE, Fit
+from handtrack.fitting.settings import ImageSettings
+from handtrack.fitting.solver import constants
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import vector_to_matrix
 from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
@@ -22,8 +24,7 @@ from handtrack.kernels.workspace import CONVERGED
 
 Array = NDArray[np.float64]
 
-SPREAD_PX = 10.0
-"""Distance at which the loss bends from square to linear [px]: a detector's usual error."""
+SPREAD_PX = ImageSettings().spread_px
 PRIOR_DEG = 40.0
 """How far from the start's angles one camera is believed [degrees]: it cannot see depth well."""
 NOISE_PX = 3.0
@@ -37,49 +38,16 @@ _BETWEEN = 0.5
 _DOUBT_TURN, _DOUBT_DEPTH = np.deg2rad(30.0), 0.2
 
 
-@dataclass(frozen=True, eq=False)
-class ViewFit:
-    """A pose fitted to pictures.
-
-    Attributes:
-        angles: (20,) [rad], inside the model's limits.
-        rotation: (3, 3) from the root frame to the world.
-        translation: (3,) of the root frame's origin in the world [m].
-        joints: (21, 3) of the fitted pose in the world [m].
-        objective: weighted sum of the (robust) squared reprojection errors and the prior [px^2].
-        reprojection: (C, 21) distance of each joint to where each camera saw it [px], NaN where
-            it was not seen.
-        steps: how many steps were taken.
-        covariance: (26, 26) as in `Fit`, at the noise that the residual shows (with the prior).
-        status: "converged", "iteration limit", or "underdetermined" where the pictures leave
-            the hand's turn (more than 30 degrees) or its distance (more than 20 %) open.
-    """
-
-    angles: Array
-    rotation: Array
-    translation: Array
-    joints: Array
-    objective: float
-    reprojection: Array
-    steps: int
-    covariance: Array
-    status: str
-
-    @property
-    def variance(self) -> Array:
-        """(20,) variances of the angles [rad^2]."""
-        return np.diagonal(self.covariance)[:N_ANGLES].copy()
-
-
 def fit_2d(
     model: HandModel,
     image_points: ArrayLike,
     cameras: Sequence[Camera],
     weights: ArrayLike | None = None,
-    start: ViewFit | fit.Fit | ArrayLike | None = None,
-    spread_px: float = SPREAD_PX,
-    prior_deg: float | None = None,
-) -> ViewFit:
+    start: Fit | ArrayLike | None = None,
+    *,
+    settings: ImageSettings | None = None,
+    **options: Any,
+) -> Fit:
     """Fit a hand model to joints in the pictures of one or several calibrated cameras.
 
     Reprojection errors under the model's limits, Huber's loss. With several cameras a joint
@@ -92,30 +60,30 @@ def fit_2d(
         image_points: (C, 21, 2) [px]; NaN = not seen.
         cameras: C of them.
         weights: (C, 21), not negative; 1 by default.
-        start: a ViewFit, a Fit, or (20,) angles [rad]. By default what several cameras
+        start: a Fit, or (20,) angles [rad]. By default what several cameras
             triangulate, or with one camera the best of several turns of the mean pose.
-        spread_px: where the loss bends from square to linear [px]; 0: never.
-        prior_deg: standard deviation of the angles around the start's [degrees]; 0: no such
-            prior. By default none with several cameras, `PRIOR_DEG` with one.
+        settings: how to fit; the defaults if left out.
+        options: fields of `ImageSettings` that replace the settings': spread_px, prior_deg.
+
+    Returns:
+        The fit, with `reprojection`.
 
     Raises:
         InputError: wrong shapes, infinite points, weights that are negative or not finite, or
             fewer than six points seen.
         SettingsError: no camera, or a setting that makes no sense.
     """
+    chosen = ImageSettings.of(settings, options)
     pixels, w = _observed(image_points, cameras, weights)
-    if not 0 <= spread_px < np.inf:
-        raise SettingsError(f"spread_px is {spread_px}, expected at least 0 px")
+    prior_deg = chosen.prior_deg
     if prior_deg is None:
         prior_deg = PRIOR_DEG if len(cameras) == 1 else 0.0
-    if not 0 <= prior_deg < np.inf:
-        raise SettingsError(f"prior_deg is {prior_deg}, expected at least 0 degrees")
     stiffness = (NOISE_PX / np.deg2rad(prior_deg)) ** 2 if prior_deg else 0.0
     fits = [
-        _solve(model, cameras, pixels, w, angles, root, spread_px, stiffness)
+        _solve(model, cameras, pixels, w, angles, root, chosen.spread_px, stiffness)
         for angles, root in _starts(model, cameras, pixels, w, start)
     ]
-    return min(fits, key=lambda f: f.objective)
+    return min(fits, key=lambda f: float(f.objective))
 
 
 def _observed(
@@ -149,7 +117,7 @@ def _starts(
     model: HandModel, cameras: Sequence[Camera], pixels: Array, w: Array, start: object
 ) -> list[tuple[Array, Array]]:
     """Where to begin: angles (20,) and root (12,)."""
-    if isinstance(start, ViewFit | fit.Fit):
+    if isinstance(start, Fit):
         root = np.concatenate([start.rotation.ravel(), start.translation])
         return [(model.limits.clamp(start.angles), root)]
     angles = model.mean_angles.copy()
@@ -161,7 +129,7 @@ def _starts(
     if len(cameras) > 1:
         points, _ = triangulate(cameras, np.where(w[..., None] > 0, pixels, np.nan), w)
         if np.isfinite(points[:, 0]).sum() >= MIN_POINTS:
-            solid = fit.fit(model, points, start=None if start is None else angles)
+            solid = fit(model, points, start=None if start is None else angles)
             return [(solid.angles, np.concatenate([solid.rotation.ravel(), solid.translation]))]
     return [(angles, root) for root in _turns(model, cameras, pixels, w, angles)]
 
@@ -213,7 +181,7 @@ def _solve(
     root: Array,
     spread_px: float,
     stiffness: float,
-) -> ViewFit:
+) -> Fit:
     results = ViewResults(1)
     results.run(
         model, cameras, pixels[None], w[None], angles[None], root[None], spread_px, stiffness
@@ -229,7 +197,7 @@ class ViewResults:
         self.objective = np.empty(n)
         self.steps = np.zeros(n, dtype=np.int64)
         self.state = np.zeros(n, dtype=np.int64)
-        self.covariance = np.empty((n, fit.N_POSE, fit.N_POSE))
+        self.covariance = np.empty((n, N_POSE, N_POSE))
         self.angles = np.empty((n, N_ANGLES))
         self.roots = np.empty((n, 12))
         self._of: tuple[HandModel, Sequence[Camera]] | None = None
@@ -257,7 +225,7 @@ class ViewResults:
         self.angles[:], self.roots[:] = angles, roots
         # frame after frame the same: what is made of them is kept
         if self._of != (model, cameras):
-            self._hand = fit.constants(model)
+            self._hand = constants(model)
             self._numbers = np.stack([camera.numbers for camera in cameras])
             self._of = (model, cameras)
         fit_views(
@@ -274,15 +242,15 @@ class ViewResults:
             (self.joints, self.objective, self.steps, self.state, self.covariance),
         )
 
-    def fit(self, t: int, cameras: Sequence[Camera], pixels: Array, w: Array) -> ViewFit:
-        """Frame t as a ViewFit; pixels (C, 21, 2) and weights (C, 21) as they were given."""
+    def fit(self, t: int, cameras: Sequence[Camera], pixels: Array, w: Array) -> Fit:
+        """Frame t as a Fit; pixels (C, 21, 2) and weights (C, 21) as they were given."""
         seen = np.stack([camera.project(self.joints[t]) for camera in cameras])
         error = np.where(w > 0, np.linalg.norm(seen - pixels, axis=-1), np.nan)
         rotation = self.roots[t, :9].reshape(3, 3)
-        free = max(2 * int((w > 0).sum()) - fit.N_POSE, 1)
+        free = max(2 * int((w > 0).sum()) - N_POSE, 1)
         covariance = self.covariance[t] * (self.objective[t] / free)
         # the solver's omega and v are in the root frame
-        to_world = np.eye(fit.N_POSE)
+        to_world = np.eye(N_POSE)
         to_world[20:23, 20:23] = to_world[23:26, 23:26] = rotation
         covariance = to_world @ covariance @ to_world.T
         status = "converged" if self.state[t] == CONVERGED else "iteration limit"
@@ -291,7 +259,7 @@ class ViewResults:
         distance = min(float(np.linalg.norm(c.centre - self.joints[t, 0])) for c in cameras)
         if not (turn < _DOUBT_TURN and shift < _DOUBT_DEPTH * distance):
             status = "underdetermined"
-        return ViewFit(
+        return Fit(
             angles=self.angles[t].copy(),
             rotation=rotation.copy(),
             translation=self.roots[t, 9:].copy(),

@@ -22,7 +22,9 @@ from handtrack.live.sources import Newest
 from handtrack.mcap.hand import Event, Head
 from handtrack.recording.recorder import McapRecorder
 from handtrack.recording.settings import RecordingSettings
-from handtrack.tracking.tracker import TrackedFrame, Tracker, frame_events, stretch_of_frames
+from handtrack.tracking.events import frame_events
+from handtrack.tracking.frame import TrackedFrame, stretch_of_frames
+from handtrack.tracking.tracker import Tracker
 from handtrack.video.detector import Detector
 from handtrack.video.hand_tracks import HandTracks
 from handtrack.video.media import Picture

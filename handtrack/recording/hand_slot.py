@@ -14,8 +14,8 @@ from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_JOINTS
 from handtrack.mcap.hand import Event, Head
 from handtrack.mcap.state import ARRAYS, MARKS, SCALARS, Stretch
+from handtrack.tracking.frame import TrackedFrame
 from handtrack.tracking.track import Track
-from handtrack.tracking.tracker import TrackedFrame
 
 _COLUMNS = (
     *((f.name, f.shape, bool if f.name in MARKS else float) for f in ARRAYS),

@@ -20,8 +20,8 @@ from handtrack.mcap.state import Stretch
 from handtrack.recording.hand_slot import FrameBuffer, Slot, no_frames
 from handtrack.recording.settings import MeshChoice, RecordingSettings
 from handtrack.recording.write import CHUNK_BYTES, HandWriter, RecordingWriter
+from handtrack.tracking.frame import TrackedFrame
 from handtrack.tracking.track import Track
-from handtrack.tracking.tracker import TrackedFrame
 
 KEPT_NS = 1_000_000_000
 """So much time may at most wait in memory, recorded or real [ns]."""

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, get_type_hints
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -14,10 +13,9 @@ from handtrack.errors import InputError, ModelError
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import reshaped
 from handtrack.sequences.sequence import Remark, Sequence
+from handtrack.tracking.sequence_track import track
+from handtrack.tracking.settings import TrackSettings
 from handtrack.tracking.track import Track
-from handtrack.tracking.tracker import track
-
-_OWN = ("sequence", "model", "progress", "on_part")
 
 
 def input_of(stored: Track) -> Sequence:
@@ -66,9 +64,9 @@ def settings_of(stored: Track) -> dict[str, Any]:
     Raises:
         InputError: one is of a kind that none can have.
     """
-    known = set(inspect.signature(track).parameters) - {*_OWN, "calibrate"}
-    kinds = get_type_hints(track)
-    return {name: _typed(stored, name, kinds[name]) for name in stored.settings if name in known}
+    known = TrackSettings.known()
+    names = [name for name in stored.settings if name in known and name != "calibrate"]
+    return {name: _typed(stored, name, known[name].kind) for name in names}
 
 
 def as_stored(model: HandModel, stored: HandModel) -> HandModel:
@@ -85,7 +83,10 @@ def as_stored(model: HandModel, stored: HandModel) -> HandModel:
 
 
 def retrack(
-    stored: Track, model: HandModel | None = None, settings: Mapping[str, Any] | None = None
+    stored: Track,
+    model: HandModel | None = None,
+    settings: TrackSettings | Mapping[str, Any] | None = None,
+    **options: Any,
 ) -> Track:
     """Track the observed joints of a track again.
 
@@ -95,7 +96,8 @@ def retrack(
         stored: the track, such as `read_mcap` returns.
         model: the hand to fit as it is; the stored one by default. With `calibrate` among the
             settings it is only where calibration begins.
-        settings: arguments of `track` that replace the stored ones.
+        settings: settings by their names that replace the stored ones, or all of them.
+        options: settings by their names, as in `track`, that replace these.
 
     Raises:
         ModelError: the stored hand is a licensed one (MANO), of which the recording holds no
@@ -109,9 +111,10 @@ def retrack(
                 " of recordings: give the model again"
             )
         model = stored.model
-    given = dict(settings or {})
-    wanted = {"calibrate": "none", **settings_of(stored), **given}
-    result = track(input_of(stored), model, **wanted)
+    given = settings.flat() if isinstance(settings, TrackSettings) else dict(settings or {})
+    given |= options
+    wanted = TrackSettings.of({"calibrate": "none", **settings_of(stored), **given})
+    result = track(input_of(stored), model, settings=wanted)
     first = int(stored.time_ns[0])
     # what the reader and the calibration had to say; the tracker says its own things again
     said = {event.text for event in result.events}

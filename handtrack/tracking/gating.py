@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.fitting import fit
+from handtrack.fitting import solver
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import JOINT_NAMES
 from handtrack.kernels import frame_loop as frames
@@ -32,6 +32,7 @@ from handtrack.tracking.outliers import (
     noise_of,
     place_of,
 )
+from handtrack.tracking.settings import TrackerSettings
 
 Array = NDArray[np.float64]
 REJECTED = workspace.UNDERDETERMINED + 1
@@ -89,21 +90,22 @@ PLAIN = Verdict(NONE)
 class Gate:
     """Fits frames, and decides what of them is to be believed. It remembers what is usual."""
 
-    def __init__(self, program: fit.Program, model: HandModel, min_joints: int, patience_s: float):
+    def __init__(self, program: solver.Program, model: HandModel, settings: TrackerSettings):
         """Args:
-        program, model, min_joints: how frames are fitted.
-        patience_s: after so long without a frame to believe, they are taken as they are [s].
+        program, model: how frames are fitted.
+        settings: for `min_joints`, and for `coast_s`: after so long without a frame to believe,
+            they are taken as they are.
         """
-        self._program, self._model, self._min_joints = program, model, min_joints
-        self._weeder = Weeder(program, model, min_joints)
-        self._patience_ns = int(patience_s * 1e9)
+        self._program, self._model, self._min_joints = program, model, settings.min_joints
+        self._weeder = Weeder(program, model, settings.min_joints)
+        self._patience_ns = settings.coast_ns
         self.reset()
 
     def reset(self) -> None:
         """Forget all frames."""
         self._noise, self._frames = _FIRST_NOISE_M, 1
         # where the hand was when a frame was last believed
-        self._last: tuple[fit.Results, int] | None = None
+        self._last: tuple[solver.Results, int] | None = None
         self._place: Place | None = None
         self._time_ns = 0
         # since when no frame was believed
@@ -113,7 +115,7 @@ class Gate:
 
     def run(
         self,
-        results: fit.Results,
+        results: solver.Results,
         times_ns: list[int] | tuple[int, ...],
         observed: Array,
         w: Array,
@@ -156,7 +158,7 @@ class Gate:
 
     def _first_doubtful(
         self,
-        results: fit.Results,
+        results: solver.Results,
         times_ns: list[int] | tuple[int, ...],
         observed: Array,
         w: Array,
@@ -175,7 +177,7 @@ class Gate:
         return None
 
     def _believe(
-        self, results: fit.Results, t: int, noise: float, place: Place, time_ns: int
+        self, results: solver.Results, t: int, noise: float, place: Place, time_ns: int
     ) -> None:
         self._frames += 1
         self._noise += max(1.0 / self._frames, _GAIN) * (noise - self._noise)
@@ -215,18 +217,18 @@ class Gate:
         return np.asarray((w > 0.0) & (distance > reach))
 
     def _resolve(
-        self, results: fit.Results, t: int, time_ns: int, observed: Array, w: Array, keep: Array
+        self, results: solver.Results, t: int, time_ns: int, observed: Array, w: Array, keep: Array
     ) -> Verdict:
         """Fit a doubtful frame as it should be, or reject it; keep is what was before it."""
         if math.isnan(results.objective[t]):
             strays = self._strays(observed, w, time_ns)
             w[strays] = 0.0
             strays.flags.writeable = False
-            fit.forget(keep)
+            solver.forget(keep)
             names = ", ".join(JOINT_NAMES[j] for j in np.flatnonzero(strays))
             return Verdict(strays, f"{names} rejected, too far from the last pose")
         first, cold = keep, keep.copy()
-        fit.forget(cold)
+        solver.forget(cold)
         was_fitted = keep[frames.MEMORY] == frames.FITTED
         # perhaps the pose before is in the wrong basin: from the mean pose as well, with all
         # joints, as leaving some out could explain that away
@@ -250,7 +252,7 @@ class Gate:
             patient = self._doubt_ns is None or time_ns - self._doubt_ns < self._patience_ns
             if patient and not (usual and not was_fitted):
                 self._doubt_ns = time_ns if self._doubt_ns is None else self._doubt_ns
-                fit.forget(keep)
+                solver.forget(keep)
                 _reject(results, t)
                 w[:] = 0.0
                 return Verdict(NONE, f"rejected: {why}")
@@ -282,7 +284,7 @@ def _joined(*texts: str) -> str:
     return "; ".join(text for text in texts if text)
 
 
-def _reject(results: fit.Results, t: int) -> None:
+def _reject(results: solver.Results, t: int) -> None:
     """Make frame t one that was not fitted."""
     row = results.rows[t]
     seen = row[frames.OUT_SEEN]
@@ -292,7 +294,7 @@ def _reject(results: fit.Results, t: int) -> None:
     row[frames.OUT_SWEEPS] = row[frames.OUT_STEPS] = row[frames.OUT_ANEW] = 0.0
 
 
-def _forget_after(results: fit.Results, last: int, before: Array, keep: Array) -> None:
+def _forget_after(results: solver.Results, last: int, before: Array, keep: Array) -> None:
     """Make keep what it was after frame `last` of the results (-1: before them)."""
     keep[:] = before
     fitted = np.flatnonzero(~np.isnan(results.objective[: last + 1]))
@@ -302,4 +304,4 @@ def _forget_after(results: fit.Results, last: int, before: Array, keep: Array) -
         keep[frames.KEEP_ROOT : frames.MEMORY] = row[frames.OUT_ROOT : frames.OUT_QUATERNION]
         keep[frames.MEMORY] = frames.FITTED
     if last >= 0 and (not fitted.size or fitted[-1] < last):
-        fit.forget(keep)
+        solver.forget(keep)

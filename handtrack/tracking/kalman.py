@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.fitting import fit
+from handtrack.fitting import solver
+from handtrack.fitting.settings import LOSSES
 from handtrack.hand.model import HandModel
 from handtrack.kernels import evidence as motion
 from handtrack.kernels import filter_loop, smoother
@@ -16,8 +17,8 @@ from handtrack.kernels.frame_loop import OUT_NOISE, OUT_SIZE
 from handtrack.kernels.information import information
 from handtrack.kernels.kalman import LEAST_NOISE
 from handtrack.tracking import process_noise
-from handtrack.tracking.filter_settings import FilterSettings
 from handtrack.tracking.process_noise import N_POSE
+from handtrack.tracking.settings import TrackerSettings
 
 Array = NDArray[np.float64]
 Records = NDArray[np.void]
@@ -40,7 +41,7 @@ class Frames(NamedTuple):
     Attributes:
         times_ns: (T,) increasing [ns].
         joints: (T, 21, 3) [m]; weights: (T, 21), 0 where a joint is missing.
-        raw: (T, OUT_SIZE) rows of `fit.Results`, NaN where nothing is fitted.
+        raw: (T, OUT_SIZE) rows of `solver.Results`, NaN where nothing is fitted.
     """
 
     times_ns: NDArray[np.int64]
@@ -64,25 +65,23 @@ class KalmanFilter:
     under the limits (maximum a posteriori); else it is the raw fit.
     """
 
-    def __init__(self, model: HandModel, settings: FilterSettings, coast_s: float):
+    def __init__(self, model: HandModel, settings: TrackerSettings):
         """Args:
         model: the hand.
-        settings: which filter.
-        coast_s: how long to predict where nothing is fitted [s].
+        settings: how to track: the filter, the fit's noise and loss, and `coast_s`.
         """
-        self._hand = fit.constants(model)
-        follow = settings.process_noise == "auto"
+        self._hand = solver.constants(model)
+        factor = settings.filter.process_noise
         self._settings: tuple[Any, ...] = (
-            int(settings.couple),
-            int(follow),
-            settings.noise_m2 or 0.0,
+            int(settings.filter.couple),
+            int(factor == "auto"),
+            settings.fit.noise_m2,
             _NOISE_GAIN,
-            int(coast_s * 1e9),
+            settings.coast_ns,
             process_noise.MEMORY_S,
-            fit.LOSSES[settings.robust],
-            (1e-3 * settings.spread_mm) ** 2,
+            LOSSES.index(settings.fit.robust),
+            (1e-3 * settings.fit.spread_mm) ** 2,
         )
-        factor = settings.process_noise
         density = process_noise.DENSITY if factor == "auto" else process_noise.scaled(factor)
         self._process = process_noise.process(density)
         self._grid = process_noise.tried()
@@ -183,12 +182,12 @@ class Smoother:
     sequences are smoothed in windows that look far beyond their end.
     """
 
-    def __init__(self, kalman: KalmanFilter, settings: FilterSettings):
+    def __init__(self, kalman: KalmanFilter, settings: TrackerSettings):
         """Args:
         kalman: the filter.
-        settings: which filter.
+        settings: how to track.
         """
-        self._kalman, self._learn = kalman, settings.process_noise == "auto"
+        self._kalman, self._learn = kalman, settings.filter.process_noise == "auto"
         self._process, self._settings = kalman._process, kalman._settings
         self.reset()
 

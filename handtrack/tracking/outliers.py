@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.fitting import fit
+from handtrack.fitting import solver
+from handtrack.fitting.result import N_POSE
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS
 from handtrack.kernels import frame_loop as frames
@@ -39,7 +40,7 @@ class Fitted(NamedTuple):
         reason: which, and why.
     """
 
-    results: fit.Results
+    results: solver.Results
     w: Array
     keep: Array
     rejected: Mask = NONE
@@ -69,13 +70,13 @@ class Fitted(NamedTuple):
 class Weeder:
     """Fits single frames."""
 
-    def __init__(self, program: fit.Program, model: HandModel, min_joints: int):
+    def __init__(self, program: solver.Program, model: HandModel, min_joints: int):
         """As `Results.run` has them."""
         self._program, self._model, self._min_joints = program, model, min_joints
 
     def fit(self, observed: Array, w: Array, keep: Array) -> Fitted:
         """The plain fit of a frame (21, 3), (21,), after what is kept."""
-        results, kept = fit.Results(1, full=False), keep.copy()
+        results, kept = solver.Results(1, full=False), keep.copy()
         targets, weights = observed[None].copy(), w[None].copy()
         start, least = self._model.mean_angles, self._min_joints
         results.run(self._program, self._model, targets, weights, kept, start, least)
@@ -151,4 +152,4 @@ def noise_of(objective: float, seen: float) -> float:
 
     Few joints do not have 26 unknowns to explain them away: each leaves one at least.
     """
-    return math.sqrt(objective / max(3.0 * seen - fit.N_POSE, seen))
+    return math.sqrt(objective / max(3.0 * seen - N_POSE, seen))

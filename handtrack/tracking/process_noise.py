@@ -11,7 +11,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.errors import SettingsError
 from handtrack.hand.skeleton import N_ANGLES
 
 Array = NDArray[np.float64]
@@ -31,7 +30,6 @@ MEMORY_S = 2.0
 _TRIED = 5.0 ** np.arange(-3, 4)
 _WIDTH = np.log(5.0)
 
-LEAST, MOST = 1e-4, 1e4
 """The factors on the expected accelerations that make any sense."""
 
 # EM: rounds at most, what a round must gain [nats], the largest factor of one round
@@ -53,16 +51,7 @@ def tried() -> Array:
 
 
 def scaled(process_noise: float) -> Array:
-    """(26,) densities for a factor on the usual accelerations.
-
-    Raises:
-        SettingsError: the factor makes no sense.
-    """
-    if not LEAST <= process_noise <= MOST:
-        raise SettingsError(
-            f"process noise is {process_noise}, expected auto or a factor {LEAST:g}..{MOST:g}"
-            " on the usual accelerations"
-        )
+    """(26,) densities for a factor on the usual accelerations."""
     return np.asarray(DENSITY * process_noise**2)
 
 

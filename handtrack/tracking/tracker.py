@@ -4,67 +4,23 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, fields, replace
-from typing import Any, Literal
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from handtrack.calibration.calibrate import calibrate as calibrate_hand
-from handtrack.calibration.explain import doubt, explain
 from handtrack.errors import InputError, SettingsError
-from handtrack.fitting import fit
+from handtrack.fitting import solver
 from handtrack.hand.model import HandModel
-from handtrack.hand.skeleton import N_JOINTS
 from handtrack.kernels import workspace
-from handtrack.mcap.hand import Event, Head
-from handtrack.mcap.state import Stretch
-from handtrack.sequences.sequence import Remark, Sequence
-from handtrack.tracking.filter_settings import LAG, FilterSettings
 from handtrack.tracking.filters import make_filter
+from handtrack.tracking.frame import TrackedFrame
 from handtrack.tracking.gating import PLAIN, REJECTED, Gate, Verdict
 from handtrack.tracking.kalman import Frames
-from handtrack.tracking.track import Track, track_of
+from handtrack.tracking.settings import TrackerSettings
 
 Array = NDArray[np.float64]
-
-MIN_JOINTS = 6
-"""A frame with fewer joints is lost: it says too little of the hand."""
-COAST_S = 0.3
-"""How long a filter may predict frames that cannot be fitted."""
-
-# frames that are fitted at once in a whole sequence
-_CHUNK = 256
-# frames by which a calibrated hand is judged
-_EXPLAINED = 100
-
-
-@dataclass(frozen=True, eq=False)
-class TrackedFrame:
-    """What the tracker says of one frame; fields as in Track, for a single frame.
-
-    Its arrays can only be read.
-    """
-
-    time_ns: int
-    observed: Array
-    confidence: Array
-    angles_raw: Array
-    angles: Array
-    quaternion_raw: Array
-    quaternion: Array
-    translation_raw: Array
-    translation: Array
-    fitted_joints: Array
-    filtered_joints: Array
-    angle_variance: Array
-    objective: float
-    sweeps: int
-    status: str
-    reason: str
-    rejected: NDArray[np.bool_]
-    restart: bool
 
 
 class Tracker:
@@ -78,65 +34,32 @@ class Tracker:
     def __init__(
         self,
         model: HandModel,
-        filter: str = "none",
-        update: fit.Update = "exact",
-        min_joints: int = MIN_JOINTS,
-        coast_s: float = COAST_S,
-        process_noise: float | Literal["auto"] = "auto",
-        couple: bool = True,
-        lag: int = LAG,
-        noise_mm: float | None = None,
-        engine: str = "compiled",
-        gate: bool = True,
-        robust: fit.Robust = "none",
-        spread_mm: float = fit.SPREAD_MM,
-        collisions: bool = False,
+        *,
+        settings: TrackerSettings | Mapping[str, Any] | None = None,
+        **options: Any,
     ):
         """Args:
         model: the hand to fit.
-        filter: "none", "kalman", "one-euro", "fixed-lag" or "rts".
-        update: as in `handtrack.fit`.
-        min_joints: a frame with fewer observed joints is not fitted.
-        coast_s: how long a filter predicts where nothing is fitted [s].
-        process_noise, couple, lag, noise_mm, engine: of the filter, as in `FilterSettings`.
-        gate: leave out joints and frames that cannot be true (`handtrack.tracking.gating`).
-        robust, spread_mm, collisions: of the fit, as in `handtrack.fit`.
+        settings: how to track; the defaults if left out.
+        options: settings by their names (see `TrackerSettings`), such as filter="kalman", that
+            replace these.
 
         Raises:
-            SettingsError: a value makes no sense.
+            SettingsError: an option is unknown, or a value makes no sense.
         """
-        if not 3 <= min_joints <= N_JOINTS:
-            raise SettingsError(f"min_joints is {min_joints}, expected 3..21")
-        if not 0 <= coast_s <= 1e6:
-            raise SettingsError(f"coast_s is {coast_s}, expected at least 0 s")
         self.model = model
-        steady = FilterSettings(
-            filter, lag, process_noise, couple, noise_mm, engine, robust, spread_mm
-        )
-        self.settings: dict[str, Any] = {
-            "filter": filter,
-            "update": update,
-            "min_joints": min_joints,
-            "coast_s": coast_s,
-            "process_noise": process_noise,
-            "couple": couple,
-            "lag": lag,
-            "noise_mm": noise_mm,
-            "engine": engine,
-            "gate": gate,
-            "robust": robust,
-            "spread_mm": spread_mm,
-            "collisions": collisions,
-        }
-        self._program = fit.Program(
-            update, "newton", robust, spread_mm, noise_mm=noise_mm, collisions=collisions
-        )
-        self._gate = Gate(self._program, model, min_joints, coast_s) if gate else None
-        self._filter = make_filter(steady, model, coast_s)
-        self._coast_ns = int(coast_s * 1e9)
-        self._waits = filter in ("fixed-lag", "rts")
-        self._waiting: deque[tuple[int, Array, Array, fit.Results, int, Verdict]] = deque()
+        self.chosen = TrackerSettings.of(settings, options)
+        self._program = solver.Program(self.chosen.fit)
+        self._gate = Gate(self._program, model, self.chosen) if self.chosen.gate else None
+        self._filter = make_filter(self.chosen, model)
+        self._coast_ns = self.chosen.coast_ns
+        self._waiting: deque[tuple[int, Array, Array, solver.Results, int, Verdict]] = deque()
         self.reset()
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The settings by name, as recorders store them; `chosen` has the object."""
+        return self.chosen.to_dict()
 
     def reset(self) -> None:
         """Forget all frames seen, as if the tracker were new."""
@@ -145,7 +68,7 @@ class Tracker:
         if self._gate is not None:
             self._gate.reset()
         self._waiting.clear()
-        self._keep = fit.start_at(self.model)
+        self._keep = solver.start_at(self.model)
         self._time_ns: int | None = None
         self._fitted_ns: int | None = None
 
@@ -167,9 +90,9 @@ class Tracker:
             InputError: wrong shapes or values, or time that does not increase.
             SettingsError: the filter waits for later frames; there are `push` and `finish`.
         """
-        if self._waits:
+        if self.chosen.filter.waits:
             raise SettingsError(
-                f"filter {self.settings['filter']} waits for later frames:"
+                f"filter {self.chosen.filter.name} waits for later frames:"
                 " give it frames by push(), and finish()"
             )
         return self.push(joints, time_ns, confidence)[0]
@@ -183,7 +106,7 @@ class Tracker:
             The frames that are final now, in order: this one; or an earlier one, or none yet,
             where the filter waits.
         """
-        observed, w = fit.observations(joints, confidence)
+        observed, w = solver.observations(joints, confidence)
         return self._advance((int(time_ns),), observed, w)
 
     def finish(self) -> list[TrackedFrame]:
@@ -214,9 +137,9 @@ class Tracker:
                 return before + self._advance(times_ns[t:], observed[t:], w[t:])
         if self._time_ns is not None and times_ns[0] - self._time_ns > self._coast_ns:
             # as after frames that were lost: the last pose is one start of two
-            fit.forget(self._keep)
-        results = fit.Results(len(times_ns), full=False)
-        model, least = self.model, self.settings["min_joints"]
+            solver.forget(self._keep)
+        results = solver.Results(len(times_ns), full=False)
+        model, least = self.model, self.chosen.min_joints
         given, verdicts = w, [PLAIN] * len(times_ns)
         if self._gate is None:
             results.run(self._program, model, observed, w, self._keep, model.mean_angles, least)
@@ -255,7 +178,7 @@ class Tracker:
         time_ns: int,
         observed: Array,
         w: Array,
-        results: fit.Results,
+        results: solver.Results,
         t: int,
         verdict: Verdict,
         filtered: Array | None,
@@ -265,11 +188,11 @@ class Tracker:
         fitted = not math.isnan(row.objective)
         reason = ""
         if row.state == workspace.TOO_FEW:
-            reason = f"{row.seen} of 21 joints observed, {self.settings['min_joints']} needed"
+            reason = f"{row.seen} of 21 joints observed, {self.chosen.min_joints} needed"
         elif row.state == workspace.UNDERDETERMINED:
             reason = "the observed joints lie on a line"
         elif row.state not in (workspace.CONVERGED, REJECTED):
-            reason = fit.STATUS[row.state]
+            reason = solver.STATUS[row.state]
         reason = "; ".join(filter(None, (verdict.reason, reason)))
         restart = verdict.restart
         if fitted:
@@ -279,7 +202,7 @@ class Tracker:
                 reason = "; ".join(filter(None, (found, reason)))
             self._fitted_ns = time_ns
         steady = results.rows[t] if filtered is None else filtered
-        angles, quaternion, translation, joints = fit.pose_of(steady)
+        angles, quaternion, translation, joints = solver.pose_of(steady)
         return TrackedFrame(
             time_ns=time_ns,
             observed=observed,
@@ -300,207 +223,3 @@ class Tracker:
             rejected=verdict.rejected,
             restart=restart,
         )
-
-
-def track(
-    sequence: Sequence,
-    model: HandModel | None = None,
-    calibrate: bool | str = True,
-    filter: str = "none",
-    update: fit.Update = "exact",
-    min_joints: int = MIN_JOINTS,
-    coast_s: float = COAST_S,
-    process_noise: float | Literal["auto"] = "auto",
-    couple: bool = True,
-    lag: int = LAG,
-    noise_mm: float | None = None,
-    engine: str = "compiled",
-    gate: bool = True,
-    robust: fit.Robust = "none",
-    spread_mm: float = fit.SPREAD_MM,
-    collisions: bool = False,
-    progress: Callable[[int], None] | None = None,
-    on_part: Callable[[Stretch], None] | None = None,
-) -> Track:
-    """Track a whole sequence.
-
-    Args:
-        sequence: the joints of one hand.
-        model: the hand; the free default hand of the sequence's side if left out.
-        calibrate: find the subject's own hand in the sequence, with lengths, palm and axes; or
-            a method of `handtrack.calibrate`; False is "scale", the model's size alone, and
-            "none" takes the model as it is.
-        filter, update, min_joints, coast_s, process_noise, couple, lag, noise_mm, engine, gate,
-            robust, spread_mm, collisions: as in `Tracker`.
-        progress: called with the number of frames done, now and then.
-        on_part: called with every stretch of frames as soon as it is final, in order: what it
-            gets, one after another, is the track returned.
-
-    Returns:
-        The track, with the hand as calibrated.
-
-    Raises:
-        InputError: model and sequence are of different hands, or the sequence shows no bone.
-        SettingsError: a setting makes no sense.
-    """
-    if model is None:
-        model = HandModel.default(sequence.hand)
-    elif model.hand != sequence.hand:
-        raise InputError(
-            f"the model is a {model.hand} hand, the sequence a {sequence.hand} one",
-            sequence.source or None,
-        )
-    found: dict[str, Any] = {}
-    notes = list(sequence.notes)
-    hand = model
-    if calibrate != "none":
-        method = calibrate
-        if isinstance(method, bool):
-            method = "auto" if method else "scale"
-        calibration = calibrate_hand(model, sequence, method)
-        hand = calibration.model
-        notes += calibration.notes
-        found = calibration.summary()
-        if calibration.method in ("full", "lengths"):
-            found |= explain(hand, sequence, _EXPLAINED).summary()
-            doubtful = doubt(found)
-            notes += [doubtful] if doubtful else []
-    tracker = Tracker(
-        hand,
-        filter,
-        update,
-        min_joints,
-        coast_s,
-        process_noise,
-        couple,
-        lag,
-        noise_mm,
-        engine,
-        gate,
-        robust,
-        spread_mm,
-        collisions,
-    )
-    settings = {
-        **tracker.settings,
-        "calibrate": calibrate,
-        "calibration": found,
-        "limits": model.limits.name,
-        "model": model.name,
-    }
-    if sequence.remarks:
-        # what was done to the input is not seen in it, and belongs to the result
-        settings["remarks"] = [[r.first_ns, r.last_ns, r.text] for r in sequence.remarks]
-    # what the source does not say of time, so that nobody compares by it
-    assumed = {"time": not sequence.timed, "frame numbers": not sequence.numbered}
-    if any(assumed.values()):
-        settings["assumed"] = [name for name, is_so in assumed.items() if is_so]
-
-    head = Head.of(
-        hand,
-        sequence.name,
-        settings,
-        source=sequence.source,
-        subject=sequence.subject,
-        has_truth=sequence.truth is not None,
-    )
-    events = [Event(int(sequence.time_ns[0]), "warning", note) for note in notes]
-    before, done = None, 0
-    stretches: list[Stretch] = []
-    for new in _stretches(tracker, sequence):
-        events += sorted(
-            frame_events(new, before) + remark_events(sequence.remarks, new),
-            key=lambda event: event.time_ns,
-        )
-        before = new[-1]
-        part = slice(done, done + len(new))
-        stretch = stretch_of_frames(
-            with_remarks(new, sequence.remarks),
-            head,
-            sequence.frame_index[part],
-            None if sequence.truth is None else sequence.truth[part],
-            events,
-        )
-        stretches.append(stretch)
-        events, done = [], part.stop
-        if on_part is not None:
-            on_part(stretch)
-        if progress is not None:
-            progress(done)
-    return track_of(stretches)
-
-
-def _stretches(tracker: Tracker, sequence: Sequence) -> Iterator[list[TrackedFrame]]:
-    """The frames of a sequence, some at a time, as they become final."""
-    for t in range(0, len(sequence), _CHUNK):
-        part = slice(t, t + _CHUNK)
-        # copies: the sequence's own arrays are not to be written to
-        joints, w = np.array(sequence.joints[part]), np.array(sequence.confidence[part])
-        new = tracker._advance(sequence.time_ns[part].tolist(), joints, w)
-        if new:
-            yield new
-    rest = tracker.finish()
-    for t in range(0, len(rest), _CHUNK):
-        yield rest[t : t + _CHUNK]
-
-
-def frame_events(frames: list[TrackedFrame], before: TrackedFrame | None = None) -> list[Event]:
-    """What happened in frames: changes of status, hands found anew, joints newly rejected.
-
-    Args:
-        frames: in order of time.
-        before: the frame before the first of them.
-    """
-    events = []
-    for frame in frames:
-        changed = before is None or frame.status != before.status
-        newly = frame.rejected if before is None else frame.rejected & ~before.rejected
-        if changed or frame.restart or newly.any():
-            level = "info" if frame.status == "fitted" else "warning"
-            words = (frame.status if changed else "", frame.reason)
-            events.append(Event(frame.time_ns, level, ": ".join(filter(None, words))))
-        before = frame
-    return events
-
-
-def remark_events(remarks: Iterable[Remark], frames: list[TrackedFrame]) -> list[Event]:
-    """An event for every remark that begins in these frames."""
-    first, last = frames[0].time_ns, frames[-1].time_ns
-    return [Event(r.first_ns, "info", r.text) for r in remarks if first <= r.first_ns <= last]
-
-
-def with_remarks(frames: list[TrackedFrame], remarks: Iterable[Remark]) -> list[TrackedFrame]:
-    """The frames, with each remark among the reasons of those that it is about."""
-    out = list(frames)
-    for remark in remarks:
-        for i, frame in enumerate(out):
-            if remark.first_ns <= frame.time_ns <= remark.last_ns:
-                reason = "; ".join(filter(None, (remark.text, frame.reason)))
-                out[i] = replace(frame, reason=reason)
-    return out
-
-
-def stretch_of_frames(
-    frames: list[TrackedFrame],
-    head: Head,
-    frame_index: ArrayLike,
-    truth: Array | None = None,
-    events: Iterable[Event] = (),
-) -> Stretch:
-    """The stretch that frames make, one or more, in order of time.
-
-    Args:
-        frames: as `Tracker.step` returns them.
-        head: what does not change of the hand.
-        frame_index, truth, events: as in `Track`.
-    """
-    arrays: dict[str, Any] = {
-        f.name: np.array([getattr(frame, f.name) for frame in frames]) for f in fields(TrackedFrame)
-    }
-    return Stretch(
-        frame_index=np.array(frame_index, np.int64),
-        truth=truth,
-        head=head,
-        events=tuple(events),
-        **arrays,
-    )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.fitting import fit
+from handtrack.fitting.fit import fit
 from handtrack.fitting.images import MIN_POINTS, NOISE_PX, PRIOR_DEG, SPREAD_PX, ViewResults
 from handtrack.hand.model import HandModel
 from handtrack.sequences.sequence import Sequence
@@ -118,5 +118,5 @@ def _from_points(views: Views, model: HandModel, t: int) -> tuple[Array, Array] 
     """A pose by the points of a frame; None where there are too few."""
     if np.isfinite(views.points[t, :, 0]).sum() < MIN_POINTS:
         return None
-    solid = fit.fit(model, views.points[t], robust="huber")
+    solid = fit(model, views.points[t], robust="huber")
     return solid.angles, np.concatenate([solid.rotation.ravel(), solid.translation])

@@ -29,7 +29,8 @@ from handtrack.viewer.streams import forget_recordings, send_blueprint
 if TYPE_CHECKING:
     import rerun as rr
 
-    from handtrack.tracking.tracker import TrackedFrame, Tracker
+    from handtrack.tracking.frame import TrackedFrame
+    from handtrack.tracking.tracker import Tracker
 
 DEFAULT_ADDRESS = "rerun+http://127.0.0.1:9876/proxy"
 """Where a viewer that was started by `rerun` takes data."""
@@ -152,7 +153,7 @@ class LiveViewer:
 
     def flush(self) -> None:
         """Send what waits."""
-        from handtrack.tracking.tracker import stretch_of_frames
+        from handtrack.tracking.frame import stretch_of_frames
 
         for name, waiting in self._waiting.items():
             frames = [frame for frame, _, _ in waiting]

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 from handtrack.errors import InputError, ModelError, SettingsError
-from handtrack.fitting.fit import Fit, fit
+from handtrack.fitting.fit import fit
+from handtrack.fitting.result import Fit
 from handtrack.hand.model import HandModel
 
 MODEL = HandModel.default("right")

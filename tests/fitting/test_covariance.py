@@ -8,7 +8,8 @@ from fit_cases import SADDLES, ellipse_value, jacobian, some_poses
 from scipy.spatial.transform import Rotation
 
 from handtrack.errors import SettingsError
-from handtrack.fitting.fit import N_POSE, Fit, fit
+from handtrack.fitting.fit import fit
+from handtrack.fitting.result import N_POSE, Fit
 from handtrack.hand.limits import Limits
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import HANDS

@@ -10,7 +10,8 @@ import pytest
 from fit_cases import distances, objective, some_poses
 from scipy.spatial.transform import Rotation
 
-from handtrack.fitting.fit import Fit, fit
+from handtrack.fitting.fit import fit
+from handtrack.fitting.result import Fit
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import HANDS
 

@@ -8,7 +8,7 @@ from numba import njit
 
 from fit_cases import moved_joints, some_poses  # isort: skip
 
-from handtrack.fitting import fit
+from handtrack.fitting import fit, solver
 from handtrack.hand.model import HandModel
 from handtrack.kernels import bends
 
@@ -60,10 +60,10 @@ def test_the_better_bend_is_found():
     joints = some_poses(MODEL, 300, 0.010, seed=21).joints
     found = []
     for trials in (True, False):
-        program = fit.Program()
+        program = solver.Program()
         if not trials:
             program.solvers = (*program.solvers[:2], 0, *program.solvers[3:])
-        results, keep = fit.Results(len(joints)), fit.start_at(MODEL)
+        results, keep = solver.Results(len(joints)), solver.start_at(MODEL)
         weights, start = np.ones((len(joints), 21)), MODEL.mean_angles
         results.run(program, MODEL, joints.copy(), weights, keep, start, alone=True)
         found.append(results)

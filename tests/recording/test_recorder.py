@@ -23,8 +23,8 @@ from handtrack.hand.model import HandModel
 from handtrack.recording.read import follow_mcap, read_mcap
 from handtrack.recording.recorder import McapRecorder
 from handtrack.recording.write import write_mcap
+from handtrack.tracking.frame import TrackedFrame
 from handtrack.tracking.track import Event, Track
-from handtrack.tracking.tracker import TrackedFrame
 
 FRAME = [field.name for field in dataclasses.fields(TrackedFrame)]
 

@@ -5,12 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 import handtrack as ht
-from handtrack.fitting import fit
+from handtrack.fitting import solver
 from handtrack.hand.rotations import about_axis
 from handtrack.tracking.kalman import Frames
+from handtrack.tracking.settings import TrackerSettings
 
 MODEL = ht.HandModel.default("right")
 FRAME_NS = 33_333_333
+
+
+def steady(name: str, **settings) -> TrackerSettings:
+    """A tracker's settings with this filter."""
+    return TrackerSettings.of({"filter": name}, settings)
 
 
 def bent(t: np.ndarray, speed: float = 1.0) -> np.ndarray:
@@ -46,9 +52,9 @@ def frames_of(
     """Frames with their raw fits."""
     joints = joints.copy()
     w = np.ones(joints.shape[:2]) if weights is None else weights.copy()
-    results = fit.Results(len(joints), full=False)
-    start = fit.start_at(model)
-    results.run(fit.Program(), model, joints, w, start, model.mean_angles, 6)
+    results = solver.Results(len(joints), full=False)
+    start = solver.start_at(model)
+    results.run(solver.Program(), model, joints, w, start, model.mean_angles, 6)
     return Frames(times_ns, joints, w, results.rows)
 
 

@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from filter_cases import FRAME_NS, MODEL, frames_of, hard_frames, moving
+from filter_cases import FRAME_NS, MODEL, frames_of, hard_frames, moving, steady
 
 import handtrack as ht
 from handtrack.hand.limits import preset
 from handtrack.hand.rotations import about_axis, matrix_to_vector, vector_to_matrix
 from handtrack.kernels import frame_loop as rows
 from handtrack.tracking import kalman
-from handtrack.tracking.filter_settings import FILTERS, FilterSettings
 from handtrack.tracking.filters import make_filter
 from handtrack.tracking.kalman import Frames
+from handtrack.tracking.settings import FILTERS, TrackerSettings
 
 SETTINGS = {
-    "kalman": FilterSettings("kalman"),
-    "kalman, not coupled": FilterSettings("kalman", couple=False),
-    "kalman, fixed noise": FilterSettings("kalman", process_noise=2.0, noise_mm=2.0),
-    "one-euro": FilterSettings("one-euro"),
-    "fixed-lag": FilterSettings("fixed-lag"),
-    "fixed-lag 5, not coupled": FilterSettings("fixed-lag", 5, couple=False),
-    "rts": FilterSettings("rts"),
+    "kalman": steady("kalman"),
+    "kalman, not coupled": steady("kalman", couple=False),
+    "kalman, fixed noise": steady("kalman", process_noise=2.0, noise_mm=2.0),
+    "one-euro": steady("one-euro"),
+    "fixed-lag": steady("fixed-lag"),
+    "fixed-lag 5, not coupled": steady("fixed-lag", lag=5, couple=False),
+    "rts": steady("rts"),
 }
 every_filter = pytest.mark.parametrize("name", SETTINGS)
 TURN = slice(rows.OUT_ROOT, rows.OUT_SHIFT)
@@ -32,7 +32,7 @@ POSE = slice(0, rows.OUT_OBJECTIVE)
 
 def run(name: str, frames: Frames, model: ht.HandModel = MODEL, coast_s: float = 0.3) -> np.ndarray:
     """(T, OUT_SIZE) what a filter makes of all frames, in one call."""
-    made = make_filter(SETTINGS[name], model, coast_s)
+    made = make_filter(SETTINGS[name].but(coast_s=coast_s), model)
     parts = [made.advance(frames), made.finish()]
     out = np.concatenate([part[0] for part in parts])
     known = np.concatenate([part[1] for part in parts])
@@ -48,8 +48,8 @@ def apart(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def test_every_filter_is_tested():
-    assert {s.name for s in SETTINGS.values()} | {"none"} == set(FILTERS)
-    assert make_filter(FilterSettings("none"), MODEL, 0.3) is None
+    assert {s.filter.name for s in SETTINGS.values()} | {"none"} == set(FILTERS)
+    assert make_filter(steady("none"), MODEL) is None
 
 
 @every_filter
@@ -58,7 +58,7 @@ def test_frames_by_themselves_are_frames_together(name, size):
     """To the last bit, whatever the stretches; a filter that waits gives the same, later."""
     frames = hard_frames()
     together = run(name, frames)
-    made = make_filter(SETTINGS[name], MODEL, 0.3)
+    made = make_filter(SETTINGS[name], MODEL)
     given, waited = [], []
     for t in range(0, 120, size):
         out, _ = made.advance(frames.part(slice(t, t + size)))
@@ -75,7 +75,7 @@ def test_frames_by_themselves_are_frames_together(name, size):
 @every_filter
 def test_reset_forgets(name):
     frames = hard_frames()
-    made = make_filter(SETTINGS[name], MODEL, 0.3)
+    made = make_filter(SETTINGS[name], MODEL)
     made.advance(hard_frames(37, seed=2))
     made.reset()
     again = np.concatenate([made.advance(frames)[0], made.finish()[0]])
@@ -135,15 +135,15 @@ def test_a_frame_of_the_world_makes_no_difference(name):
     moved[:, TURN] = (turn @ frames.raw[:, TURN].reshape(-1, 3, 3)).reshape(-1, 9)
     moved[:, SHIFT] = frames.raw[:, SHIFT] @ turn.T + shift
     settings = SETTINGS[name]
-    if settings.process_noise == "auto" and name != "one-euro":
+    if settings.filter.process_noise == "auto" and name != "one-euro":
         # what is learnt has the world's axes
-        settings = FilterSettings(settings.name, settings.lag, 1.0, settings.couple)
+        settings = settings.but(process_noise=1.0)
     out = []
     for joints, raw in (
         (frames.joints, frames.raw),
         (frames.joints @ turn.T + shift, moved),
     ):
-        made = make_filter(settings, MODEL, 0.3)
+        made = make_filter(settings, MODEL)
         part = made.advance(Frames(frames.times_ns, joints, frames.weights, raw))[0]
         out.append(np.concatenate([part, made.finish()[0]]))
     a, b = out
@@ -247,7 +247,7 @@ def test_it_steadies_noise(name, noise_mm):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"name": "x"}, "filter 'x' is unknown, expected one of none, kalman"),
+        ({"filter": "x"}, "filter 'x' is unknown, expected one of none, kalman"),
         ({"lag": -1}, "lag is -1, expected 0..1000 frames"),
         ({"lag": 1001}, "lag is 1001"),
         ({"lag": 1.5}, "lag is 1.5"),
@@ -265,12 +265,12 @@ def test_it_steadies_noise(name, noise_mm):
 )
 def test_settings_that_make_no_sense(settings, message):
     with pytest.raises(ht.SettingsError, match=message):
-        FilterSettings(**settings)
+        TrackerSettings.of({"filter": "kalman"}, settings)
 
 
 def test_filterpy_has_no_one_euro():
     with pytest.raises(ht.SettingsError, match="one-euro"):
-        make_filter(FilterSettings("one-euro", engine="filterpy"), MODEL, 0.3)
+        steady("one-euro", engine="filterpy")
 
 
 def test_a_smoother_bridges_a_gap_from_both_sides():

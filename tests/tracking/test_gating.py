@@ -10,7 +10,7 @@ import pytest
 import handtrack as ht
 from handtrack.hand.rotations import about_axis
 from handtrack.hand.skeleton import JOINT_NAMES
-from handtrack.tracking.tracker import TrackedFrame
+from handtrack.tracking.frame import TrackedFrame
 from tools.bench.faults import KINDS, disturbed
 
 FRAME_NS = 33_333_333
@@ -193,7 +193,7 @@ def test_a_wrong_basin_is_left():
 
 @pytest.mark.parametrize("filter", ["none", "kalman"])
 def test_streams_equal_sequences_with_faults(filter, sample, monkeypatch):
-    from handtrack.tracking import tracker as module
+    from handtrack.tracking import sequence_track as module
 
     joints = disturbed(sample.truth, KINDS["all"], np.random.default_rng(2))
     joints[120:123] *= 0.7

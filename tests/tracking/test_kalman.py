@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from filter_cases import MODEL, frames_of, hard_frames, moving
+from filter_cases import MODEL, frames_of, hard_frames, moving, steady
 from scipy.linalg import expm
 
 from handtrack.hand.rotations import matrix_to_vector, vector_to_matrix
@@ -14,7 +14,6 @@ from handtrack.kernels import frame_loop as rows
 from handtrack.kernels import motion_noise
 from handtrack.kernels.filter_state import BEGUN, KEPT, NOTE, PREDICTED, UPDATED
 from handtrack.tracking import process_noise
-from handtrack.tracking.filter_settings import FilterSettings
 from handtrack.tracking.filters import make_filter
 from handtrack.tracking.kalman import KalmanFilter
 from handtrack.tracking.reference import FilterPyFilter
@@ -23,7 +22,7 @@ N = 26
 
 
 def kalman(kind=KalmanFilter, **settings) -> KalmanFilter:
-    return kind(MODEL, FilterSettings("kalman", **settings), 0.3)
+    return kind(MODEL, steady("kalman", **settings))
 
 
 @pytest.mark.parametrize("couple", [True, False])
@@ -57,7 +56,7 @@ def test_engines_agree_whatever_the_filter(name):
     frames = hard_frames(60)
     out = []
     for engine in ("compiled", "filterpy"):
-        made = make_filter(FilterSettings(name, process_noise=1.0, engine=engine), MODEL, 0.3)
+        made = make_filter(steady(name, process_noise=1.0, engine=engine), MODEL)
         first, known = made.advance(frames)
         last, known_too = made.finish()
         assert np.concatenate([known, known_too]).all()
@@ -102,7 +101,7 @@ def test_the_smoother_is_rauch_tung_and_striebels():
         new[29:32] += step[23:26]
         new[32:] += step[26:]
         expected.insert(0, new)
-    smoother = make_filter(FilterSettings("rts", **settings), MODEL, 0.3)
+    smoother = make_filter(steady("rts", **settings), MODEL)
     smoother.advance(frames)
     out, _ = smoother.finish()
     np.testing.assert_allclose(out[:, :32], np.array(expected)[:, :32], atol=1e-10, rtol=0)
@@ -238,7 +237,7 @@ def test_the_motions_noise_is_learnt():
     ratio = np.log(learnt / density)
     assert np.abs(ratio).max() < np.log(5.0)
     assert abs(ratio.mean()) < np.log(1.6)
-    smoother = make_filter(FilterSettings("rts"), MODEL, 0.3)
+    smoother = make_filter(steady("rts"), MODEL)
     smoother._parts.append(frames)
     smoother._kalman._settings = (*stream._settings[:1], 0, *stream._settings[2:])
     ratio = np.log(smoother._learnt(frames) / density)

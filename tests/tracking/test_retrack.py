@@ -12,7 +12,7 @@ from handtrack.evaluation.difference import difference, differences
 from handtrack.hand.skeleton import JOINT_NAMES
 from handtrack.recording.retrack import as_stored, retrack
 from handtrack.sequences.sequence import Remark
-from handtrack.tracking.filter_settings import FILTERS
+from handtrack.tracking.settings import FILTERS
 
 
 @pytest.fixture(scope="module")

@@ -11,10 +11,12 @@ import handtrack as ht
 from handtrack.hand.rotations import about_axis, quaternion_to_matrix, vector_to_matrix
 from handtrack.hand.skeleton import N_ANGLES
 from handtrack.mcap.state import Stretch
-from handtrack.tracking import tracker as module
-from handtrack.tracking.tracker import COAST_S, MIN_JOINTS, TrackedFrame
+from handtrack.tracking import sequence_track as module
+from handtrack.tracking.frame import TrackedFrame
+from handtrack.tracking.settings import TrackerSettings
 
 FILTERS = ("none", "kalman", "one-euro")
+COAST_S = TrackerSettings().coast_s
 WAITING = ("fixed-lag", "rts")
 FRAME_NS = 33_333_333
 GAPS = (slice(0, 2), slice(100, 101), slice(250, 260), slice(300, 320))
@@ -111,7 +113,7 @@ def test_two_runs_are_one(long):
 
 @pytest.mark.parametrize("tracked", ["none"], indirect=True)
 def test_statuses_without_a_filter(tracked, long):
-    enough = (long.present & (long.confidence > 0)).sum(1) >= MIN_JOINTS
+    enough = (long.present & (long.confidence > 0)).sum(1) >= TrackerSettings().min_joints
     same(tracked.status, np.where(enough, "fitted", "lost"))
     fitted = np.flatnonzero(enough)
     gone = np.diff(long.time_ns[fitted]) * 1e-9

@@ -32,16 +32,18 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from handtrack.calibration.calibrate import calibrate
-from handtrack.fitting import fit
+from handtrack.fitting import fit, solver
 from handtrack.fitting.batch import fit_batch
+from handtrack.fitting.settings import FitSettings
 from handtrack.hand.limits import DEFAULT_LIMITS, PRESETS
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.kernels import frame_loop as frames
 from handtrack.recording.write import write_mcap
 from handtrack.sequences.sequence import Sequence
+from handtrack.tracking.sequence_track import track
 from handtrack.tracking.track import Track
-from handtrack.tracking.tracker import Tracker, track
+from handtrack.tracking.tracker import Tracker
 from handtrack.viewer.rerun_log import log_rerun
 from tools.bench.noise_study import fitted, noisy_motion, noisy_poses, random_angles
 from tools.bench.peers import peers
@@ -77,18 +79,22 @@ def each(work: Callable[..., Any], cases: list[tuple[Any, ...]], rounds: int) ->
 
 
 def compiled(
-    program: fit.Program, model: HandModel, joints: Array, start: fit.Results | None, rounds: int
-) -> tuple[Array, fit.Results]:
+    program: solver.Program,
+    model: HandModel,
+    joints: Array,
+    start: solver.Results | None,
+    rounds: int,
+) -> tuple[Array, solver.Results]:
     """Times of frames in the compiled loop [s], without the call into it, and their fits.
 
     Args:
         start: frame t starts from pose t in here; every frame from the mean pose if left out.
     """
     n = len(joints)
-    results = fit.Results(n, full=False)
-    hand = fit.constants(model), program.contacts(model)
+    results = solver.Results(n, full=False)
+    hand = solver.constants(model), program.contacts(model)
     given = (*hand, program.solvers, (*program.settings, 1, 0), model.mean_angles)
-    keep = fit.start_at(model)
+    keep = solver.start_at(model)
     times = np.empty((2, rounds, n))
     for r in range(rounds):
         for t in range(n):
@@ -130,7 +136,7 @@ def scipy_fit(model: HandModel, joints: Array, angles: Array, root: Array) -> tu
 
     first = np.concatenate([np.clip(angles, low, high), np.zeros(6)])
     bounds = (np.concatenate([low, -free]), np.concatenate([high, free]))
-    found = least_squares(residuals, first, jacobian, bounds, "trf", ftol=fit.TOLERANCE)
+    found = least_squares(residuals, first, jacobian, bounds, "trf", ftol=FitSettings().tolerance)
     return found.x[:20], 2e-6 * float(found.cost)
 
 
@@ -148,12 +154,12 @@ def fit_part(quick: bool, limits: str) -> dict[str, Rows]:
     model = calibrate(HandModel.default(limits=limits), sequence).model
     chosen = np.linspace(1, len(sequence) - 1, 10 if quick else 30).astype(int)
     n, joints = len(chosen), np.array(sequence.joints[chosen])
-    before = fitted(fit.Program(), model, np.array(sequence.joints[chosen - 1]), True, full=True)
+    before = fitted(solver.Program(), model, np.array(sequence.joints[chosen - 1]), True, full=True)
     programs = {
-        OURS: fit.Program(),
-        "plain BCD, exact": fit.Program(method="bcd"),
-        "plain BCD, exact, to 1e-9": fit.Program(method="bcd", tolerance=1e-9, max_sweeps=10000),
-        "li2021 update": fit.Program("li2021"),
+        OURS: solver.Program(),
+        "plain BCD, exact": solver.Program(method="bcd"),
+        "plain BCD, exact, to 1e-9": solver.Program(method="bcd", tolerance=1e-9, max_sweeps=10000),
+        "li2021 update": solver.Program(update="li2021"),
     }
     others = {f"{name}, box for ellipses": make(model) for name, make in peers().items()}
     rows: Rows = []
@@ -189,7 +195,7 @@ def fit_part(quick: bool, limits: str) -> dict[str, Rows]:
 
 def motion_part(quick: bool, limits: str) -> dict[str, Rows]:
     """Time per frame: a 30 fps motion frame after frame, and unrelated poses."""
-    program, default = fit.Program(), HandModel.default(limits=limits)
+    program, default = solver.Program(), HandModel.default(limits=limits)
     rounds, moving, cold = 3 if quick else 7, [], []
     for sigma in MOTION_NOISE_MM:
         sequence = noisy_motion(150 if quick else 900, sigma)
@@ -220,10 +226,10 @@ def motion_part(quick: bool, limits: str) -> dict[str, Rows]:
 def quality_part(quick: bool, limits: str) -> dict[str, Rows]:
     """How often a cold fit finds what the best of the mean pose and 20 random starts finds."""
     model, rng, rows = HandModel.default(limits=limits), np.random.default_rng(3), []
-    n, group, tight = 200 if quick else 2000, 40, fit.Program(tolerance=1e-10)
+    n, group, tight = 200 if quick else 2000, 40, solver.Program(tolerance=1e-10)
     for sigma in POSE_NOISE_MM:
         joints = noisy_poses(model, n, sigma)
-        ours = fitted(fit.Program(), model, joints, True).objective
+        ours = fitted(solver.Program(), model, joints, True).objective
         oracle = np.empty((ORACLE_STARTS + 1, n))
         oracle[0] = fitted(tight, model, joints, True).objective
         for part in (slice(i, i + group) for i in range(0, n, group)):
@@ -246,7 +252,7 @@ def tool_part(quick: bool, limits: str) -> dict[str, Rows]:
     tracked = track(sequence, model, filter="kalman")
     with tempfile.TemporaryDirectory() as folder:
         mcap, rrd = Path(folder) / "track.mcap", Path(folder) / "track.rrd"
-        follow = partial(track, sequence, model, False)
+        follow = partial(track, sequence, model, calibrate=False)
         whole: dict[str, tuple[Callable[[], Any], Path | None]] = {
             "calibrate, once": (partial(calibrate, model, sequence), None),
             "track, no filter": (follow, None),

@@ -24,7 +24,9 @@ from rich.console import Console
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
-from handtrack.fitting import fit
+from handtrack.fitting import settings as fit_settings
+from handtrack.fitting import solver
+from handtrack.fitting.settings import FitSettings
 from handtrack.hand.limits import PRESETS
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_ANGLES
@@ -37,7 +39,8 @@ SIGMAS_MM = (2.0, 5.0, 10.0, 20.0)
 OUTLIERS, OUTLIER_M = 0.05, 0.10
 """Part of the joints that are moved, and how far [m]."""
 POSES = 300
-METHODS: dict[str, tuple[fit.Update, fit.Robust]] = {
+SPREAD_MM = FitSettings().spread_mm
+METHODS: dict[str, tuple[fit_settings.Update, fit_settings.Robust]] = {
     "li2021": ("li2021", "none"),
     "exact": ("exact", "none"),
     "huber": ("exact", "huber"),
@@ -106,13 +109,13 @@ def with_outliers(joints: Array, rng: np.random.Generator) -> Array:
 
 
 def fitted(
-    program: fit.Program,
+    program: solver.Program,
     model: HandModel,
     joints: Array,
     alone: bool,
     full: bool = False,
     start: Array | None = None,
-) -> fit.Results:
+) -> solver.Results:
     """Fits by one call of the compiled loop.
 
     Args:
@@ -121,10 +124,10 @@ def fitted(
         full: whether covariances are wanted.
         start: (20,) angles of a cold start; the mean pose if left out.
     """
-    results = fit.Results(len(joints), full)
+    results = solver.Results(len(joints), full)
     start = model.mean_angles if start is None else start
     weights = np.ones(joints.shape[:2])
-    results.run(program, model, joints.copy(), weights, fit.start_at(model), start, 1, alone)
+    results.run(program, model, joints.copy(), weights, solver.start_at(model), start, 1, alone)
     return results
 
 
@@ -135,7 +138,9 @@ def mpjpe_mm(a: Array, b: Array) -> tuple[float, float]:
 
 
 def study(
-    truth: Truth, sigmas_mm: tuple[float, ...] = SIGMAS_MM, spread_mm: float = fit.SPREAD_MM
+    truth: Truth,
+    sigmas_mm: tuple[float, ...] = SIGMAS_MM,
+    spread_mm: float = SPREAD_MM,
 ) -> list[dict[str, Any]]:
     """One row per noise and method; the first method is the noisy input itself.
 
@@ -150,7 +155,7 @@ def study(
         outliers = with_outliers(noisy, rng)
         found = {"input": (noisy, outliers)}
         for method, (update, robust) in METHODS.items():
-            program = fit.Program(update, robust=robust, spread_mm=spread_mm)
+            program = solver.Program(update=update, robust=robust, spread_mm=spread_mm)
             clean, dirty = (
                 fitted(program, truth.model, joints, truth.alone).joints
                 for joints in (noisy, outliers)
@@ -244,7 +249,10 @@ def main(arguments: list[str] | None = None) -> None:
         "--limits", choices=sorted(PRESETS), default="li2021", help="default: %(default)s"
     )
     parser.add_argument(
-        "--spread-mm", type=float, default=fit.SPREAD_MM, help="of the robust losses: %(default)g"
+        "--spread-mm",
+        type=float,
+        default=SPREAD_MM,
+        help="of the robust losses: %(default)g",
     )
     parser.add_argument("--json", type=Path, metavar="OUT", help="write the rows")
     parser.add_argument("--plot", type=Path, metavar="OUT.png", help="draw them (matplotlib)")

@@ -33,7 +33,7 @@ from rich.table import Table
 import handtrack as ht
 from handtrack.evaluation.arrays import nan_mean
 from handtrack.evaluation.metrics import errors, jitter, lag, pa_mpjpe
-from handtrack.tracking.filters import FILTERS
+from handtrack.tracking.settings import FILTERS
 from tools.bench.faults import KINDS, disturbed
 from tools.bench.oracles import best_one_euro, best_savgol
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.fitting.fit import N_POSE, Fit
+from handtrack.fitting.result import N_POSE, Fit
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import matrix_to_vector, vector_to_matrix
 from handtrack.hand.skeleton import N_ANGLES, N_JOINTS, PALM

@@ -12,8 +12,9 @@ from rich.table import Table
 
 import handtrack as ht
 from handtrack.evaluation import metrics
-from handtrack.fitting.batch import BatchFit, fit_batch
-from handtrack.fitting.fit import UPDATES
+from handtrack.fitting.batch import fit_batch
+from handtrack.fitting.result import Fit
+from handtrack.fitting.settings import UPDATES
 from handtrack.hand.model import HandModel
 from tools.paper import baselines
 from tools.paper.free_pose import FreeFit
@@ -61,7 +62,7 @@ class Row:
     ms: float = float("nan")
 
 
-def run(method: str, poses: Poses, joints: Array) -> BatchFit:
+def run(method: str, poses: Poses, joints: Array) -> Fit:
     """Every frame by itself, from the mean pose.
 
     Args:
@@ -75,7 +76,7 @@ def run(method: str, poses: Poses, joints: Array) -> BatchFit:
     return fit_batch(poses.model, joints, update="li2021" if method == "li2021" else "exact")
 
 
-def vertices(fit: BatchFit, model: HandModel) -> Array:
+def vertices(fit: Fit, model: HandModel) -> Array:
     """(N, V, 3) skin of a result [m]."""
     if isinstance(fit, FreeFit):
         return fit.vertices(model)

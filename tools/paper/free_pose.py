@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.fitting.batch import BatchFit
+from handtrack.fitting.result import Fit
 from handtrack.hand.mano_pose import nearest_angles
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import matrix_to_vector
@@ -27,9 +27,9 @@ _BELOW = [np.arange(PART_JOINT[p] + 1, PART_JOINT[p] - (p - 1) % 3 + 4) for p in
 """The joints that each of parts 1..15 moves."""
 
 
-@dataclass(frozen=True, eq=False)
-class FreeFit(BatchFit):
-    """A `BatchFit` of freely turning joints; `angles` are the nearest, not held to limits.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FreeFit(Fit):
+    """A batch of fits of freely turning joints; `angles` are the nearest, not held to limits.
 
     Attributes:
         local: (N, 15, 3, 3) rotation of parts 1..15 against their parents.

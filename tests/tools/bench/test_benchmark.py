@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from handtrack.fitting import fit
+from handtrack.fitting import solver
 from handtrack.hand.model import HandModel
 from tools.bench import benchmark
 
@@ -67,8 +67,8 @@ def test_the_whole_tool(tmp_path, monkeypatch):
 def test_single_frames_are_fitted_as_in_the_loop():
     model = HandModel.default()
     joints = benchmark.noisy_poses(model, 5, 2.0)
-    _, fits = benchmark.compiled(fit.Program(), model, joints, None, 1)
-    whole = benchmark.fitted(fit.Program(), model, joints, True)
+    _, fits = benchmark.compiled(solver.Program(), model, joints, None, 1)
+    whole = benchmark.fitted(solver.Program(), model, joints, True)
     np.testing.assert_array_equal(fits.angles, whole.angles)
     np.testing.assert_array_equal(fits.objective, whole.objective)
 

@@ -1,0 +1,151 @@
+"""track(): a whole sequence, with the subject's hand found first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from handtrack.calibration.calibrate import calibrate
+from handtrack.calibration.explain import doubt, explain
+from handtrack.calibration.settings import CalibrationSettings
+from handtrack.errors import InputError
+from handtrack.hand.model import HandModel
+from handtrack.mcap.hand import Event, Head
+from handtrack.mcap.state import Stretch
+from handtrack.sequences.sequence import Sequence
+from handtrack.tracking.events import frame_events, remark_events, with_remarks
+from handtrack.tracking.frame import TrackedFrame, stretch_of_frames
+from handtrack.tracking.settings import TrackSettings
+from handtrack.tracking.track import Track, track_of
+from handtrack.tracking.tracker import Tracker
+
+# frames that are fitted at once in a whole sequence
+_CHUNK = 256
+# frames by which a calibrated hand is judged
+_EXPLAINED = 100
+
+
+def track(
+    sequence: Sequence,
+    model: HandModel | None = None,
+    *,
+    settings: TrackSettings | Mapping[str, Any] | None = None,
+    progress: Callable[[int], None] | None = None,
+    on_part: Callable[[Stretch], None] | None = None,
+    **options: Any,
+) -> Track:
+    """Track a whole sequence.
+
+    Args:
+        sequence: the joints of one hand.
+        model: the hand; the free default hand of the sequence's side if left out.
+        settings: how to track; the defaults if left out.
+        progress: called with the number of frames done, now and then.
+        on_part: called with every stretch of frames as soon as it is final, in order: what it
+            gets, one after another, is the track returned.
+        options: settings by their names (see `TrackSettings`), such as filter="kalman" or
+            calibrate=False, that replace these.
+
+    Returns:
+        The track, with the hand as calibrated.
+
+    Raises:
+        InputError: model and sequence are of different hands, or the sequence shows no bone.
+        SettingsError: an option is unknown, or a value makes no sense.
+    """
+    chosen = TrackSettings.of(settings, options)
+    if model is None:
+        model = HandModel.default(sequence.hand)
+    elif model.hand != sequence.hand:
+        raise InputError(
+            f"the model is a {model.hand} hand, the sequence a {sequence.hand} one",
+            sequence.source or None,
+        )
+    hand, found, notes = _subject(model, sequence, chosen.calibration)
+    tracker = Tracker(hand, settings=chosen)
+    told = {
+        **chosen.to_dict(),
+        "calibration": found,
+        "limits": model.limits.name,
+        "model": model.name,
+        **_input_said(sequence),
+    }
+
+    head = Head.of(
+        hand,
+        sequence.name,
+        told,
+        source=sequence.source,
+        subject=sequence.subject,
+        has_truth=sequence.truth is not None,
+    )
+    events = [Event(int(sequence.time_ns[0]), "warning", note) for note in notes]
+    before, done = None, 0
+    stretches: list[Stretch] = []
+    for new in _stretches(tracker, sequence):
+        events += sorted(
+            frame_events(new, before) + remark_events(sequence.remarks, new),
+            key=lambda event: event.time_ns,
+        )
+        before = new[-1]
+        part = slice(done, done + len(new))
+        stretch = stretch_of_frames(
+            with_remarks(new, sequence.remarks),
+            head,
+            sequence.frame_index[part],
+            None if sequence.truth is None else sequence.truth[part],
+            events,
+        )
+        stretches.append(stretch)
+        events, done = [], part.stop
+        if on_part is not None:
+            on_part(stretch)
+        if progress is not None:
+            progress(done)
+    return track_of(stretches)
+
+
+def _subject(
+    model: HandModel, sequence: Sequence, settings: CalibrationSettings
+) -> tuple[HandModel, dict[str, Any], list[str]]:
+    """The hand to fit, what was found of it, and what the user should know."""
+    notes = list(sequence.notes)
+    if settings.by == "none":
+        return model, {}, notes
+    calibration = calibrate(model, sequence, settings.by, frames=settings.frames)
+    notes += calibration.notes
+    found = calibration.summary()
+    if calibration.method in ("full", "lengths"):
+        found |= explain(calibration.model, sequence, _EXPLAINED).summary()
+        doubtful = doubt(found)
+        notes += [doubtful] if doubtful else []
+    return calibration.model, found, notes
+
+
+def _input_said(sequence: Sequence) -> dict[str, Any]:
+    """What a track is to hold of its input beside the joints."""
+    said: dict[str, Any] = {}
+    if sequence.remarks:
+        # what was done to the input is not seen in it, and belongs to the result
+        said["remarks"] = [[r.first_ns, r.last_ns, r.text] for r in sequence.remarks]
+    # what the source does not say of time, so that nobody compares by it
+    assumed = {"time": not sequence.timed, "frame numbers": not sequence.numbered}
+    if any(assumed.values()):
+        said["assumed"] = [name for name, is_so in assumed.items() if is_so]
+    return said
+
+
+def _stretches(tracker: Tracker, sequence: Sequence) -> Iterator[list[TrackedFrame]]:
+    """The frames of a sequence, some at a time, as they become final."""
+    for t in range(0, len(sequence), _CHUNK):
+        part = slice(t, t + _CHUNK)
+        # copies: the sequence's own arrays are not to be written to
+        joints, w = np.array(sequence.joints[part]), np.array(sequence.confidence[part])
+        new = tracker._advance(sequence.time_ns[part].tolist(), joints, w)
+        if new:
+            yield new
+    rest = tracker.finish()
+    for t in range(0, len(rest), _CHUNK):
+        yield rest[t : t + _CHUNK]
