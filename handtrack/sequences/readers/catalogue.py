@@ -1,0 +1,202 @@
+"""What is read: one record for each format, from which the tables of the documents are made.
+
+A reader of a new source adds its record here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Format:
+    """What people need to know of one format.
+
+    Attributes:
+        name: the source, as its users call it.
+        reads: the file or folder, and what of it is read.
+        order: the joints' order (`handtrack.hand.skeleton.ORDERS`), or "by name".
+        unit: of the file's positions, where the file does not say otherwise.
+        hands: whose: "both", "one", "right", "by name" ...
+        known_by: what tells it from other formats.
+        needs: an option, a companion file or an extra of the package; "": nothing.
+    """
+
+    name: str
+    reads: str
+    order: str
+    unit: str
+    hands: str
+    known_by: str
+    needs: str = ""
+
+
+FORMATS: tuple[Format, ...] = (
+    Format(
+        "CMU Panoptic",
+        "`hdHand3d/handRecon3D_hd*.json`: one, a folder, a .tar(.gz)",
+        "openpose",
+        "cm",
+        "both, of several people",
+        "`people` in the JSON",
+    ),
+    Format(
+        "NumPy, any detector",
+        ".npz with `joints_m`, `joints`, `landmarks`, `keypoints` ... (+ `fps`, times, `hand`,"
+        " `confidence`, `truth_m`), of both hands `left_joints_m` and `right_joints_m` ...; .npy;"
+        " of one hand or of 42 joints; a folder of `joints_N.npy` or `.txt`, a frame each;"
+        " pickles of such arrays, lists and objects",
+        "handtrack",
+        "m",
+        "one or both",
+        "file magic",
+    ),
+    Format(
+        "JSON, JSON lines",
+        "frames of 21 x 3 or 63 numbers, of `{x, y, z}`, of joints by name (MediaPipe's, OpenXR's,"
+        " Unity's, Ultraleap's, ARKit's and more, in any case and style), one hand or both under"
+        " `hands`, `left`, `handedness` ...; null and empty records are missing frames;"
+        " FreiHAND's `*_xyz.json`",
+        "handtrack, or by name",
+        "m",
+        "one or both",
+        "its text",
+    ),
+    Format(
+        "CSV, tables",
+        "columns by name or number (`wrist_x`, `INDEX_FINGER_MCP.x`, `x1` ... `z21`), of one hand"
+        " or both; a row for each joint (`frame, hand, joint, x, y, z`); cells of `[x, y, z]`; 63"
+        " or 126 bare numbers a line; commas, semicolons with decimal commas, tabs",
+        "handtrack, or by name",
+        "m, or as the columns say (`wrist_x_mm`)",
+        "one or both",
+        "its text",
+    ),
+    Format(
+        "FreiHAND",
+        "`training_xyz.json`, `evaluation_xyz.json`",
+        "freihand",
+        "m",
+        "right",
+        "its name; otherwise a list of frames",
+    ),
+    Format(
+        "InterHand2.6M",
+        "`*_joint_3d.json`",
+        "interhand",
+        "mm",
+        "both",
+        "`world_coord` in the JSON",
+    ),
+    Format(
+        "AssemblyHands",
+        "`assemblyhands_*_joint_3d*.json`",
+        "interhand",
+        "mm",
+        "both",
+        "`annotations` of `world_coord`",
+    ),
+    Format(
+        "DexYCB",
+        "a camera's folder of `labels_*.npz`, or the folders above; `meta.yml` names the hand",
+        "freihand",
+        "m",
+        "one",
+        "file names",
+    ),
+    Format(
+        "HO-3D",
+        "a `meta` folder of .pkl, or the folders above; nothing in a pickle is run",
+        "mano",
+        "m, turned to OpenCV's axes",
+        "right",
+        "file names, `handJoints3D`",
+    ),
+    Format(
+        "FrankMocap's output",
+        "a folder of `*_prediction_result.pkl` (`--save_pred_pkl`)",
+        "openpose",
+        "m, about the hand's middle",
+        "both",
+        "file names",
+    ),
+    Format(
+        "MANO parameters",
+        ".npz: `poses`, or `global_orient` and `hand_pose` (rotation vectors, matrices or"
+        " principal components), `betas`, `transl`, `flat_hand_mean`; FreiHAND's `*_mano.json`",
+        "by your MANO",
+        "m",
+        "one",
+        "names of arrays",
+        "`--mano DIR`",
+    ),
+    Format(
+        "Project Aria MPS",
+        "`hand_tracking_results.csv`, versions 1 and 2",
+        "umetrack",
+        "m",
+        "both",
+        "its columns",
+    ),
+    Format(
+        "WebXR, OpenXR, MRTK",
+        "JSON lines of named joints, or of 25 or 26; one hand a line or both",
+        "by name, webxr, openxr",
+        "m",
+        "one or both",
+        "names of joints",
+    ),
+    Format(
+        "First-person hand action (FPHA)",
+        "`skeleton.txt`",
+        "fpha",
+        "mm",
+        "right",
+        "64 numbers a line",
+    ),
+    Format(
+        "Leap Motion",
+        "LeapJS playback .json; no wrist",
+        "by name",
+        "mm",
+        "both",
+        "`frames` in the JSON",
+    ),
+    Format(
+        "MCAP of JSON messages",
+        "one topic per hand",
+        "handtrack",
+        "m",
+        "both",
+        "file magic",
+    ),
+    Format(
+        "Videos, images",
+        ".mp4, .mov, .mkv, .webm, .avi; .jpg, .png, .webp; a folder of images",
+        "by MediaPipe",
+        "m",
+        "both",
+        "file magic",
+        'extra `video` (pip install "handtrack[video]")',
+    ),
+    Format(
+        "handtrack's own MCAP",
+        "the observed joints, to be tracked again",
+        "handtrack",
+        "m",
+        "both",
+        "its metadata",
+    ),
+)
+"""All formats, in the order of the table."""
+
+
+def as_markdown() -> str:
+    """The formats as a table of a document."""
+    titles = ("source", "file", "joint order", "unit", "hands", "needs", "recognised by")
+    rows = [
+        (f.name, f.reads, f.order, f.unit, f.hands, f.needs or "nothing", f.known_by)
+        for f in FORMATS
+    ]
+    lines = [titles, tuple("---" for _ in titles), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
