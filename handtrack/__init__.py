@@ -3,14 +3,16 @@
 - Read: `load`, `repair_identity`, `load_cameras`; they give `Sequence` (with `Remark`), `Camera`.
 - Hands: `HandModel`, `Limits`, `MANO`, `load_hand`, `save_hand`, `to_mano`,
   `from_mano` (`ManoPose`, `AnglesOfMano`); of a subject: `calibrate` (`Calibration`),
-  `explain` (`Explained`).
+  `explain` (`Explained`, of `Residual`s).
 - Fit: `fit`, `fit_batch`, `fit_2d`, all giving `Fit`; settings `FitSettings`, `ImageSettings`.
-- Track: `track` gives `Track` (with `Event`), `Tracker` gives `TrackedFrame`s; settings
+- Track: `track` gives `Track` (with `Event`, `Head`, `Skin`), in `Stretch`es as it goes; `Tracker`
+  gives `TrackedFrame`s; settings
   `TrackSettings`, `TrackerSettings`, `FilterSettings`, `CalibrationSettings`.
 - Record: `McapRecorder`, `write_mcap`, `read_mcap`, `follow_mcap`, `retrack`, `info`, `recover`
-  (`Recovered`).
-- Look: `replay`, `log_rerun`, `LiveViewer`, `export`.
-- Measure: `stability` (`StabilityReport` of `Stability`), `diff` (`Difference`s), `metrics`.
+  (`Recovered`); settings `RecordingSettings`, `MeshChoice`.
+- Look: `replay`, `log_rerun`, `LiveViewer`, `export` (`Exported`).
+- Measure: `stability` (`StabilityReport` of `Stability`, with `Spread`, `Intervals`, `Uncertain`,
+  `Material`) of tracks or `Estimate`s; `diff` (`Difference`s, of `Change`s); `metrics`.
 - What went wrong: `InputError`, `SettingsError`, `ModelError`, all `HandtrackError`.
 
 The public names load on first use, so that `import handtrack` and the command line are quick.
@@ -20,6 +22,8 @@ from __future__ import annotations
 
 import importlib
 from typing import TYPE_CHECKING, Any
+
+from handtrack.deprecated import find_old_modules
 
 __version__ = "0.1.0"
 
@@ -56,15 +60,20 @@ _WHERE = {
     "Calibration": "calibration.calibrate",
     "calibrate": "calibration.calibrate",
     "Explained": "calibration.explain",
+    "Residual": "calibration.explain",
     "explain": "calibration.explain",
     "TrackedFrame": "tracking.frame",
     "Event": "tracking.track",
+    "Head": "mcap.hand",
     "Track": "tracking.track",
+    "Stretch": "mcap.state",
+    "Skin": "tracking.track",
     "write_mcap": "recording.write",
     "read_mcap": "recording.read",
     "follow_mcap": "recording.read",
     "McapRecorder": "recording.recorder",
     "RecordingSettings": "recording.settings",
+    "MeshChoice": "recording.settings",
     "Tracker": "tracking.tracker",
     "track": "tracking.sequence_track",
     "retrack": "recording.retrack",
@@ -75,13 +84,22 @@ _WHERE = {
     "replay": "viewer.replay",
     "LiveViewer": "viewer.live_viewer",
     "export": "exporting.files",
+    "Exported": "exporting.files",
     "stability": "evaluation.stability",
+    "Estimate": "evaluation.measure",
     "Stability": "evaluation.results",
+    "Material": "evaluation.results",
+    "Uncertain": "evaluation.bootstrap",
+    "Intervals": "evaluation.bootstrap",
+    "Spread": "evaluation.results",
     "StabilityReport": "evaluation.results",
     "Difference": "evaluation.difference",
+    "Change": "evaluation.difference",
     "diff": "evaluation.difference:differences",
 }
 """Where each public name is made, and its name there if that is another."""
+
+find_old_modules()
 
 __all__ = [*sorted(_WHERE), "__version__", "metrics"]
 
@@ -89,6 +107,7 @@ if TYPE_CHECKING:
     from handtrack.calibration.calibrate import Calibration as Calibration
     from handtrack.calibration.calibrate import calibrate as calibrate
     from handtrack.calibration.explain import Explained as Explained
+    from handtrack.calibration.explain import Residual as Residual
     from handtrack.calibration.explain import explain as explain
     from handtrack.calibration.settings import CalibrationSettings as CalibrationSettings
     from handtrack.cameras.camera import Camera as Camera
@@ -98,11 +117,18 @@ if TYPE_CHECKING:
     from handtrack.errors import ModelError as ModelError
     from handtrack.errors import SettingsError as SettingsError
     from handtrack.evaluation import metrics as metrics
+    from handtrack.evaluation.bootstrap import Intervals as Intervals
+    from handtrack.evaluation.bootstrap import Uncertain as Uncertain
+    from handtrack.evaluation.difference import Change as Change
     from handtrack.evaluation.difference import Difference as Difference
     from handtrack.evaluation.difference import differences as diff  # noqa: F401
+    from handtrack.evaluation.measure import Estimate as Estimate
+    from handtrack.evaluation.results import Material as Material
+    from handtrack.evaluation.results import Spread as Spread
     from handtrack.evaluation.results import Stability as Stability
     from handtrack.evaluation.results import StabilityReport as StabilityReport
     from handtrack.evaluation.stability import stability as stability
+    from handtrack.exporting.files import Exported as Exported
     from handtrack.exporting.files import export as export
     from handtrack.fitting.batch import fit_batch as fit_batch
     from handtrack.fitting.fit import fit as fit
@@ -119,6 +145,8 @@ if TYPE_CHECKING:
     from handtrack.hand.mano_pose import from_mano as from_mano
     from handtrack.hand.mano_pose import to_mano as to_mano
     from handtrack.hand.model import HandModel as HandModel
+    from handtrack.mcap.hand import Head as Head
+    from handtrack.mcap.state import Stretch as Stretch
     from handtrack.recording.info import info as info
     from handtrack.recording.read import follow_mcap as follow_mcap
     from handtrack.recording.read import read_mcap as read_mcap
@@ -126,6 +154,7 @@ if TYPE_CHECKING:
     from handtrack.recording.recover import Recovered as Recovered
     from handtrack.recording.recover import recover as recover
     from handtrack.recording.retrack import retrack as retrack
+    from handtrack.recording.settings import MeshChoice as MeshChoice
     from handtrack.recording.settings import RecordingSettings as RecordingSettings
     from handtrack.recording.write import write_mcap as write_mcap
     from handtrack.sequences.identity import repair_identity as repair_identity
@@ -138,6 +167,7 @@ if TYPE_CHECKING:
     from handtrack.tracking.settings import TrackerSettings as TrackerSettings
     from handtrack.tracking.settings import TrackSettings as TrackSettings
     from handtrack.tracking.track import Event as Event
+    from handtrack.tracking.track import Skin as Skin
     from handtrack.tracking.track import Track as Track
     from handtrack.tracking.tracker import Tracker as Tracker
     from handtrack.viewer.live_viewer import LiveViewer as LiveViewer

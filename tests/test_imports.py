@@ -14,7 +14,8 @@ PACKAGE = ROOT / "handtrack"
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if not p.name.endswith("_pb2.py"))
 
 ORDER = (
-    *("errors", "settings", "files", "kernels", "hand", "cameras", "mcap", "sequences"),
+    *("errors", "deprecated", "settings", "files"),
+    *("kernels", "hand", "cameras", "mcap", "sequences"),
     "fitting",
     *("calibration", "tracking", "recording", "viewer", "exporting", "evaluation", "video", "live"),
     "cli",

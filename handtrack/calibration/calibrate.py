@@ -14,6 +14,7 @@ from handtrack.calibration.frames import MIN_SEEN, Material, chosen, poses_of
 from handtrack.calibration.freedoms import DRIFT, FEW, Freedoms, freedoms, shape
 from handtrack.calibration.proportions import Proportions, proportions
 from handtrack.calibration.settings import METHODS, MIN_FRAMES, CalibrationSettings
+from handtrack.deprecated import old_positions
 from handtrack.errors import InputError, ModelError, SettingsError
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import reshaped
@@ -84,6 +85,7 @@ class Calibration:
         }
 
 
+@old_positions("frames")
 def calibrate(
     model: HandModel,
     sequences: Sequence | Iterable[Sequence],

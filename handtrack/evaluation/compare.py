@@ -15,7 +15,7 @@ from handtrack.evaluation.bootstrap import Intervals, Uncertain, difference
 from handtrack.evaluation.frame_match import match_frames
 from handtrack.evaluation.matching import same_name
 from handtrack.evaluation.measure import summary
-from handtrack.evaluation.results import Against, Frames, Stability, StabilityReport
+from handtrack.evaluation.results import Against, Material, Stability, StabilityReport
 
 _SAME_REFERENCE_M = 1e-3
 """References of two methods that differ by more are not the same joints; recordings round."""
@@ -209,7 +209,7 @@ class _Part:
     """One method's frames of one sequence, those that all methods have."""
 
     row: Stability
-    material: Frames
+    material: Material
     keep: NDArray[np.int64]
 
 
@@ -276,7 +276,7 @@ def _common(group: list[Stability], names: list[str]) -> list[_Part]:
     return [_Part(row, m, k) for row, m, k in zip(group, materials, keep, strict=True)]
 
 
-def _material(row: Stability) -> Frames:
+def _material(row: Stability) -> Material:
     if row.material is None:
         raise InputError(f"{row.name}: its frames are not there any more")
     return row.material

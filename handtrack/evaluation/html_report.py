@@ -21,7 +21,7 @@ from handtrack.evaluation.compare import Comparison
 from handtrack.evaluation.metrics import errors, pck_of_errors
 from handtrack.evaluation.paper import panoptic_rows
 from handtrack.evaluation.report import MEANING
-from handtrack.evaluation.results import Frames, Stability, StabilityReport
+from handtrack.evaluation.results import Material, Stability, StabilityReport
 from handtrack.evaluation.tables import Report
 from handtrack.hand.skeleton import ANGLE_NAMES, BONES, JOINT_NAMES, N_ANGLES
 
@@ -203,7 +203,7 @@ def _worst(row: Stability, start: int) -> list[dict[str, Any]]:
     return [_skeleton(material, t, float(error[t]), start) for t in chosen]
 
 
-def _skeleton(material: Frames, t: int, error: float, start: int) -> dict[str, Any]:
+def _skeleton(material: Material, t: int, error: float, start: int) -> dict[str, Any]:
     reference = material.reference[t]
     estimate = align(material.estimate[t : t + 1], reference[None])[0]
     turn, middle = _palm_frame(reference)

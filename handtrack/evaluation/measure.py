@@ -13,7 +13,7 @@ from handtrack.evaluation.alignment import align
 from handtrack.evaluation.arrays import Array, lengths, nan_mean
 from handtrack.evaluation.bootstrap import Intervals, intervals
 from handtrack.evaluation.matching import size_ratio
-from handtrack.evaluation.results import Against, Frames, Spread, Stability
+from handtrack.evaluation.results import Against, Material, Spread, Stability
 from handtrack.hand.limits import Limits
 from handtrack.hand.skeleton import Hand
 from handtrack.sequences.sequence import Sequence
@@ -169,7 +169,7 @@ def measure(
         drift=100 * float(nan_mean(drift)),
         outside=outside,
         notes=tuple(notes),
-        material=Frames(
+        material=Material(
             time_ns,
             estimate.frame_index,
             joints,
@@ -194,7 +194,7 @@ def summary(
     drift: float = float("nan"),
     outside: float = float("nan"),
     notes: tuple[str, ...] = (),
-    material: Frames | None = None,
+    material: Material | None = None,
 ) -> Stability:
     """A `Stability` from values per frame.
 

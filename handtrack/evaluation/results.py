@@ -50,7 +50,7 @@ class Spread:
 
 
 @dataclass(frozen=True, eq=False)
-class Frames:
+class Material:
     """What was measured, frame by frame, for comparisons and for drawing.
 
     Attributes:
@@ -144,7 +144,7 @@ class Stability:
     intervals: Mapping[str, Intervals] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     frame_values: Mapping[str, Array] = field(default_factory=dict, repr=False)
-    material: Frames | None = field(default=None, repr=False)
+    material: Material | None = field(default=None, repr=False)
 
     @property
     def finger_pa_mm(self) -> dict[str, float]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from handtrack.deprecated import moved, old_positions
 from handtrack.errors import InputError, SettingsError
 from handtrack.fitting.result import Fit
 from handtrack.fitting.settings import FitSettings
@@ -18,7 +19,11 @@ from handtrack.hand.skeleton import N_JOINTS
 
 Array = NDArray[np.float64]
 
+if not TYPE_CHECKING:
+    __getattr__ = moved(__name__, {"BatchFit": "fitting.result:Fit"})
 
+
+@old_positions("update", "method", "robust", "spread_mm", "noise_mm", "collisions", "threads")
 def fit_batch(
     model: HandModel,
     joints: ArrayLike,

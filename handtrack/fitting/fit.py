@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from handtrack.deprecated import old_positions
 from handtrack.errors import InputError, SettingsError
 from handtrack.fitting.result import Fit
 from handtrack.fitting.settings import FitSettings
@@ -18,6 +19,10 @@ from handtrack.kernels import frame_loop as frames
 Array = NDArray[np.float64]
 
 
+@old_positions(
+    *("update", "method", "robust", "spread_mm", "starts"),
+    *("max_sweeps", "tolerance", "noise_mm", "collisions"),
+)
 def fit(
     model: HandModel,
     joints: ArrayLike,

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.cameras.camera import Camera
 from handtrack.cameras.triangulate import triangulate
+from handtrack.deprecated import moved, old_positions
 from handtrack.errors import InputError, SettingsError
 from handtrack.fitting.fit import fit
 from handtrack.fitting.result import N_POSE, Fit
@@ -37,7 +38,11 @@ MIN_POINTS = 6
 _BETWEEN = 0.5
 _DOUBT_TURN, _DOUBT_DEPTH = np.deg2rad(30.0), 0.2
 
+if not TYPE_CHECKING:
+    __getattr__ = moved(__name__, {"ViewFit": "fitting.result:Fit"})
 
+
+@old_positions("spread_px", "prior_deg")
 def fit_2d(
     model: HandModel,
     image_points: ArrayLike,

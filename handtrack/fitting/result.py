@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 N_POSE = N_ANGLES + 6
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Fit:
     """A fitted pose and how it was reached; of a batch N poses, with N in front of every shape.
 

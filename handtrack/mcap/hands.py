@@ -65,6 +65,8 @@ class HandDecoder:
                 self._states.add(data)
         except DecodeError as error:
             raise self._wrong(f"a {schema} message cannot be decoded: {error}") from error
+        except InputError:
+            raise
         except ValueError as error:
             raise self._wrong(str(error)) from error
 

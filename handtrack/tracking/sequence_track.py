@@ -10,6 +10,7 @@ import numpy as np
 from handtrack.calibration.calibrate import calibrate
 from handtrack.calibration.explain import doubt, explain
 from handtrack.calibration.settings import CalibrationSettings
+from handtrack.deprecated import old_positions
 from handtrack.errors import InputError
 from handtrack.hand.model import HandModel
 from handtrack.mcap.hand import Event, Head
@@ -19,7 +20,7 @@ from handtrack.tracking.events import frame_events, remark_events, with_remarks
 from handtrack.tracking.frame import TrackedFrame, stretch_of_frames
 from handtrack.tracking.settings import TrackSettings
 from handtrack.tracking.track import Track, track_of
-from handtrack.tracking.tracker import Tracker
+from handtrack.tracking.tracker import OLD_ORDER, Tracker
 
 # frames that are fitted at once in a whole sequence
 _CHUNK = 256
@@ -27,6 +28,7 @@ _CHUNK = 256
 _EXPLAINED = 100
 
 
+@old_positions("calibrate", *OLD_ORDER, "progress", "on_part")
 def track(
     sequence: Sequence,
     model: HandModel | None = None,

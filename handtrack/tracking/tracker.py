@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from handtrack.deprecated import moved, old_positions
 from handtrack.errors import InputError, SettingsError
 from handtrack.fitting import solver
 from handtrack.hand.model import HandModel
@@ -22,6 +23,14 @@ from handtrack.tracking.settings import TrackerSettings
 
 Array = NDArray[np.float64]
 
+OLD_ORDER = (
+    *("filter", "update", "min_joints", "coast_s", "process_noise", "couple", "lag"),
+    *("noise_mm", "engine", "gate", "robust", "spread_mm", "collisions"),
+)
+"""In which older programs give options without their names."""
+if not TYPE_CHECKING:
+    __getattr__ = moved(__name__, {"track": "tracking.sequence_track"})
+
 
 class Tracker:
     """Tracks one hand, one frame at a time.
@@ -31,6 +40,7 @@ class Tracker:
     is never where a fit starts. Giving the frames of a sequence one by one is the same as `track`.
     """
 
+    @old_positions(*OLD_ORDER)
     def __init__(
         self,
         model: HandModel,
