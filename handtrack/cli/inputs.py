@@ -34,6 +34,9 @@ class Reading(NamedTuple):
     time_unit: str | None = None
     max_size: str | None = None
     mirror: str | None = None
+    profile: Path | None = None
+    trajectory: Path | None = None
+    markers: Path | None = None
 
     def load(
         self, path: Path, quiet: bool = False, found: Detections | None = None
@@ -66,6 +69,9 @@ class Reading(NamedTuple):
                 time_unit=self.time_unit,
                 max_size=self.max_size,
                 mirror=self.mirror,
+                profile=self.profile,
+                trajectory=self.trajectory,
+                markers=self.markers,
             )
         for sequence in sequences if not quiet else ():
             for note in sequence.notes:
@@ -133,6 +139,24 @@ def reading_options(command: _Command) -> _Command:
             "--order",
             metavar="NAME",
             help="Joint order, where the file does not say: a name, or 21 places (0,1,2,...).",
+        ),
+        click.option(
+            "--markers",
+            type=click.Path(path_type=Path),
+            metavar="FILE",
+            help="Of motion capture: which marker is which joint, JSON or CSV of pairs.",
+        ),
+        click.option(
+            "--trajectory",
+            type=click.Path(path_type=Path),
+            metavar="FILE",
+            help="Of Project Aria: closed_loop_trajectory.csv, to bring hands into the world.",
+        ),
+        click.option(
+            "--profile",
+            type=click.Path(path_type=Path),
+            metavar="FILE",
+            help="Of UmeTrack's angles (HOT3D, emg2pose): the hand's profile, if not beside them.",
         ),
         click.option("--unit", type=click.Choice(["m", "cm", "mm"]), help="Unit of the joints."),
         click.option(

@@ -36,6 +36,8 @@ def typical_step(values: NDArray[Any], missing: Flags) -> float:
     # half as many again is one frame left out, where stamps are not rounded
     if not (frames > 1).any():
         usual = (steps > 0.5 * middle) & (steps < 1.5 * middle)
+    if not usual.any():
+        return float(middle)  # of two kinds of steps, as many of each
     return float((steps * frames)[usual].sum() / frames[usual].sum())
 
 

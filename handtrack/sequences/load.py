@@ -19,6 +19,7 @@ from handtrack.sequences.assemble import (
     without_marks,
 )
 from handtrack.sequences.hands import CHOICES, HandChoice, label_hands
+from handtrack.sequences.readers.companions import Companions, Pending, check_taken, resolved
 from handtrack.sequences.readers.folder import Source, sources
 from handtrack.sequences.readers.mano_params import decoded
 from handtrack.sequences.readers.raw import NoFramesError, NotJointsError, Raw
@@ -41,6 +42,9 @@ def load(
     time_unit: str | None = None,
     mirror: str | None = None,
     max_size: str | int | None = None,
+    profile: str | PathLike[str] | None = None,
+    trajectory: str | PathLike[str] | None = None,
+    markers: str | PathLike[str] | None = None,
 ) -> list[Sequence]:
     """Joint sequences from a file or a folder; the format is recognised by content.
 
@@ -90,17 +94,25 @@ def load(
     choice = _hand_choice(hand)
     _check_frames(frames)
     check_format(format)
+    beside = Companions(*(None if p is None else Path(p) for p in (profile, trajectory, markers)))
     if not _is_there(where):
         raise InputError("no such file or folder", where)
 
+    pending: list[Pending] = []
+
     def made(raws: list[Raw]) -> list[Sequence]:
+        pending.extend(raw.pending for raw in raws if raw.pending is not None)
+        raws = resolved(raws, beside)
         ready = [decoded(r, None if mano is None else Path(mano), mano_tips, choice) for r in raws]
         return _finish(ready, given, choice, frames)
 
     with budget.limited(max_size):
         if where.is_dir():
-            return _from_folder(where, lambda source: made(source.read(frames, format)))
-        return _unique_names(made(read_file(where, frames, format)))
+            found = _from_folder(where, lambda source: made(source.read(frames, format)))
+        else:
+            found = _unique_names(made(read_file(where, frames, format)))
+    check_taken(pending, beside, where)
+    return found
 
 
 def _is_there(path: Path) -> bool:

@@ -139,6 +139,44 @@ FORMATS: tuple[Format, ...] = (
         "its columns",
     ),
     Format(
+        "EgoDex",
+        "`N.hdf5`: `transforms/NAME`, `confidences/NAME`, 30 frames a second; other arrays in HDF5"
+        " under the names of .npz",
+        "by name",
+        "m",
+        "both",
+        "file magic, `transforms`",
+        "extra `formats`",
+    ),
+    Format(
+        "VisionProTeleop",
+        "`tracking.jsonl`, or its stream's arrays (`right_fingers`, `right_wrist` ...) in .npz or"
+        " HDF5; brought from the wrist's frame into the world",
+        "by name",
+        "m",
+        "both",
+        "`headMatrix` in the JSON, names of arrays",
+    ),
+    Format(
+        "HOT3D",
+        "`umetrack_hand_pose_trajectory.jsonl`, `mano_hand_pose_trajectory.jsonl`; frames that"
+        " `masks/` leave out are missing",
+        "umetrack; by your MANO",
+        "m",
+        "both",
+        "`hand_poses` in the JSON",
+        "the profile beside it (`--profile FILE`); `--mano DIR`",
+    ),
+    Format(
+        "emg2pose",
+        "`.hdf5` sessions, 2000 poses a second; joints in the wrist's frame",
+        "umetrack",
+        "m, angles in rad",
+        "one",
+        "`emg2pose/timeseries`",
+        "UmeTrack's `generic_hand_model.json` beside it (`--profile FILE`); extra `formats`",
+    ),
+    Format(
         "WebXR, OpenXR, MRTK",
         "JSON lines of named joints, or of 25 or 26; one hand a line or both",
         "by name, webxr, openxr",

@@ -21,6 +21,7 @@ from typing import Any
 import msgspec
 
 from handtrack.errors import InputError
+from handtrack.sequences.readers import hot3d, visionpro
 from handtrack.sequences.readers.both_hands import of_sides, two_hands
 from handtrack.sequences.readers.fields import as_frames, from_fields
 from handtrack.sequences.readers.found import CONTAINERS, MOST_NAMES, hands_in
@@ -69,7 +70,19 @@ def read_lines(data: bytes, path: Path) -> list[Raw]:
         values = []
     if len(values) != len(lines):
         values = [decode(line, Any, path, first_line=n) for n, line in lines]
-    return read_records(values, [f"line {n}" for n, _ in lines], path)
+    places = [f"line {n}" for n, _ in lines]
+    return _of_source(values, places, path) or read_records(values, places, path)
+
+
+def _of_source(values: list[Any], places: list[str], path: Path) -> list[Raw] | None:
+    """The hands of frames as a source of its own has them."""
+    first = next((v for v in values if v), None)
+    if isinstance(first, dict):
+        if hot3d.is_frame(first):
+            return hot3d.read_lines(values, places, path)
+        if visionpro.is_frame(first):
+            return visionpro.read_lines(values, places, path)
+    return None
 
 
 def read_json(data: bytes, path: Path) -> list[Raw]:
@@ -91,7 +104,7 @@ def from_value(value: Any, path: Path) -> list[Raw]:
         NotJointsError, InputError: as `read_json`.
     """
     if isinstance(value, dict):
-        return _object(value, path)
+        return _of_source([value], ["the object"], path) or _object(value, path)
     if not isinstance(value, list):
         raise NotJointsError("no joints in it: expected a list of frames or an object", path)
     if not value:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from handtrack.files import npz
-from handtrack.sequences.readers import mano_params
+from handtrack.sequences.readers import mano_params, visionpro
 from handtrack.sequences.readers.both_hands import by_frame, of_sides, two_hands
 from handtrack.sequences.readers.fields import as_frames, from_fields
 from handtrack.sequences.readers.raw import Raw, stem
@@ -36,6 +36,8 @@ def read_npz(data: bytes, path: Path) -> list[Raw]:
     fields = {name: _scalar(array) for name, array in arrays.items()}
     if not any(joints_key(key) for key in fields) and mano_params.is_mano(fields):
         return mano_params.from_named(fields, path)
+    if visionpro.arrays(fields):
+        return visionpro.from_arrays(fields, path)
     parts = [own for part in of_sides(_alone(fields)) for own in by_frame(part, path)]
     return [raw for part in parts for raw in two_hands(from_fields(part, path))]
 

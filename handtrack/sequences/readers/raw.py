@@ -17,6 +17,7 @@ from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import UNITS, as_side
 
 if TYPE_CHECKING:
+    from handtrack.sequences.readers.companions import Pending
     from handtrack.sequences.readers.mano_params import ManoValues
 
 Array = NDArray[np.float64]
@@ -64,6 +65,7 @@ class Raw:
         truth: (T, N, 3) like the joints, or None.
         subject: who.
         mano: MANO parameters that the joints are still to be made from, or None.
+        pending: what makes joints of a companion file, or brings them elsewhere by it, or None.
         by_number: the source tells its hands apart by numbers, and does not say which is which.
         tagged: the name gets the hand appended even where it is the only one.
         notes: for the user, one line each.
@@ -83,6 +85,7 @@ class Raw:
     truth: Array | None = None
     subject: str = ""
     mano: ManoValues | None = None
+    pending: Pending | None = None
     by_number: bool = False
     tagged: bool = False
     notes: tuple[str, ...] = ()
@@ -162,5 +165,5 @@ def stem(path: Path) -> str:
 _SUFFIXES = (
     *(".gz", ".bz2", ".xz", ".tgz", ".tar"),
     *(".json", ".jsonl", ".ndjson", ".npz", ".npy", ".csv", ".tsv", ".txt"),
-    *(".mcap", ".pkl", ".pickle"),
+    *(".mcap", ".pkl", ".pickle", ".hdf5", ".h5", ".trc", ".c3d", ".bvh"),
 )

@@ -1,0 +1,130 @@
+"""Opening HDF5 files: what is in them is read where it is needed, and nothing outside of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.errors import InputError, shown
+from handtrack.files import budget
+from handtrack.sequences.readers.raw import NotJointsError, Raw
+
+HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
+_MOST_NAMES = 5000
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Any]:
+    """An HDF5 file as h5py gives it.
+
+    Raises:
+        InputError: h5py is not installed, or the file is damaged or cut short.
+    """
+    try:
+        import h5py
+    except ImportError:
+        raise InputError(
+            'HDF5 needs the package h5py: pip install "handtrack[formats]"', path
+        ) from None
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            yield file
+    except InputError:
+        raise
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
+        raise InputError(
+            f"the HDF5 file is damaged or cut short ({shown(str(error), 120)})", path
+        ) from None
+
+
+def names_in(group: Any, path: Path) -> list[str]:
+    """The names in a group.
+
+    Raises:
+        InputError: there are more than any hand has.
+    """
+    if len(group) > _MOST_NAMES:
+        raise InputError(f"holds {len(group)} names in one group", path)
+    return [str(name) for name in group]
+
+
+def member(group: Any, name: str, path: Path) -> Any:
+    """What stands under a name of a group; None where nothing does.
+
+    Raises:
+        InputError: it is a link to another file.
+    """
+    import h5py
+
+    link = group.get(name, getlink=True) if name in group else None
+    if link is None:
+        return None
+    if isinstance(link, h5py.ExternalLink):
+        raise InputError(f"{shown(name, 60)} leads to another file, which is not read", path)
+    return group[name]
+
+
+def dataset(group: Any, name: str, path: Path) -> Any:
+    """A data set, not yet read; None where there is none of that name.
+
+    Raises:
+        InputError: it is stored in other files, or larger than is read.
+    """
+    import h5py
+
+    found = member(group, name, path)
+    if not isinstance(found, h5py.Dataset):
+        return None
+    if found.is_virtual or found.external:
+        raise InputError(f"{shown(name, 60)} is stored in other files, which are not read", path)
+    if found.shape is None:
+        return None
+    size = int(np.prod(found.shape, dtype=object)) * found.dtype.itemsize
+    budget.check(size, path, path.stat().st_size, shown(name, 60))
+    return found
+
+
+def numbers(data: Any, name: str, path: Path) -> NDArray[np.float64]:
+    """All of a data set of numbers.
+
+    Raises:
+        InputError: it holds something else.
+    """
+    if data.dtype.kind not in "fiu":
+        raise InputError(f"{shown(name, 60)} holds {data.dtype}, expected numbers", path)
+    return np.asarray(data[()], dtype=np.float64)
+
+
+def said(attributes: Any, name: str) -> str:
+    """An attribute as text, "" where there is none or it is something else."""
+    value = attributes.get(name)
+    if isinstance(value, bytes):
+        value = value.decode("utf-8", "replace")
+    return value[:200] if isinstance(value, str) else ""
+
+
+def read_hdf5(path: Path) -> list[Raw]:
+    """The sequences of an HDF5 file: EgoDex's, emg2pose's, or named arrays.
+
+    Raises:
+        NotJointsError: nothing of a hand in it.
+        InputError: damaged, or not as its format says.
+    """
+    from handtrack.sequences.readers import egodex, emg2pose, hdf5_arrays
+
+    with opened(path) as file:
+        for read in (egodex.read, emg2pose.read, hdf5_arrays.read):
+            found: list[Raw] | None = read(file, path)
+            if found is not None:
+                return found
+        there = ", ".join(names_in(file, path)[:8]) or "nothing"
+    raise NotJointsError(
+        "no joints in it: expected EgoDex's transforms, emg2pose's timeseries, or a data set"
+        f" such as joints_m, found {shown(there)}",
+        path,
+    )
