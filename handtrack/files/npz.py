@@ -136,6 +136,8 @@ def read_npz(
                     if data.startswith(npy.MAGIC_PREFIX):  # else a note, a picture
                         found[name] = _named(data, path, name, unpickle)
                 return found, [i.filename.removesuffix(".npy") for i in archive.infolist()]
+    except InputError:
+        raise
     except DAMAGED as error:
         raise InputError(damage("the .npz file", error), path) from None
 

@@ -129,6 +129,8 @@ def read_skinned_mesh(path: str | Path) -> SkinnedMesh:
     path = Path(path)
     try:
         return _File(path).skinned_mesh()
+    except InputError:
+        raise
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", path) from error
     except msgspec.MsgspecError as error:

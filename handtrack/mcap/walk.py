@@ -155,6 +155,8 @@ class Walk:
         except OSError as error:
             reason = error.strerror or str(error)
             raise InputError(f"cannot be read: {reason}", self.path) from error
+        except InputError:
+            raise
         except expected as error:
             where = what or f"damaged at byte {self.position}"
             raise InputError(f"{where}: {error}", self.path) from error

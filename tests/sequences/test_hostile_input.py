@@ -28,6 +28,7 @@ def refused(path, match, **options):
         ht.load(path, **options)
     text = str(error.value)
     assert text.isprintable()
+    assert text.count(str(path)) <= 1
     assert len(text) < len(str(path)) + 500
 
 

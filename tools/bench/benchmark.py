@@ -256,7 +256,7 @@ def tool_part(quick: bool, limits: str) -> dict[str, Rows]:
         whole: dict[str, tuple[Callable[[], Any], Path | None]] = {
             "calibrate, once": (partial(calibrate, model, sequence), None),
             "track, no filter": (follow, None),
-            "track, kalman": (partial(follow, "kalman"), None),
+            "track, kalman": (partial(follow, filter="kalman"), None),
             "skin, default hand": (partial(skin, model, tracked), None),
             "skin, blend shapes": (partial(skin, mano_like(Path(folder)), tracked), None),
             "write_mcap, no mesh": (partial(write_mcap, tracked, mcap, mesh=False), mcap),

@@ -100,6 +100,8 @@ def read_tar(path: Path, frames: Frames = None) -> list[Raw]:
                     data = _content(archive, member, path)
                     groups.setdefault(inside.parent, []).append((number, path / inside, data))
             _check_end(archive)
+    except InputError:
+        raise
     except _DAMAGED as error:
         detail = shown(" ".join(str(error).split()), 120) or type(error).__name__
         raise InputError(f"the archive is damaged or cut short ({detail})", path) from None
