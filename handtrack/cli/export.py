@@ -19,10 +19,10 @@ from handtrack.errors import SettingsError
 @click.argument("output", type=click.Path(path_type=Path))
 @click.option(
     "--to",
-    type=click.Choice(["csv", "parquet", "npz", "bvh", "glb"]),
+    type=click.Choice(["csv", "parquet", "npz", "bvh", "glb", "urdf", "mjcf"]),
     help="The format, where OUTPUT is a folder.",
 )
-@click.option("--raw", is_flag=True, help="bvh, glb: poses as fitted, not as filtered.")
+@click.option("--raw", is_flag=True, help="bvh, glb, urdf, mjcf: poses as fitted, not as filtered.")
 @click.option(
     "--up",
     type=click.Choice(["x", "y", "z", "-x", "-y", "-z"]),
@@ -37,6 +37,13 @@ from handtrack.errors import SettingsError
     show_default=True,
     help="bvh: the unit of length.",
 )
+@click.option(
+    "--base",
+    default="wrist",
+    show_default=True,
+    metavar="FRAME",
+    help="urdf, mjcf: fix the wrist, or let it float in the input's frame of that name.",
+)
 @part_options
 @model_options
 @json_option
@@ -48,6 +55,7 @@ def export(
     raw: bool,
     up: str,
     unit: str,
+    base: str,
     hand: str | None,
     start: float | None,
     end: float | None,
@@ -55,12 +63,15 @@ def export(
     quiet: bool,
     **models: Any,
 ) -> None:
-    """Write recordings for other programs: .csv, .parquet, .npz, .bvh or .glb.
+    """Write recordings for other programs: .csv, .parquet, .npz, .bvh, .glb, .urdf, .xml.
 
     INPUT is a recording written by `handtrack track`, or a folder of them. The ending of
     OUTPUT says the format; a folder needs --to. Of several hands each gets its own file,
     OUTPUT_right and OUTPUT_left, but a .glb holds all. Where the hand is lost .csv cells are
     empty, .parquet holds null, .npz NaN, and .bvh and .glb hold the last pose.
+
+    .urdf, and .xml or .mjcf for MuJoCo, are the hand as a robot: links, hinges with limits,
+    capsules and masses, with NAME_meshes/ and NAME_joints.csv, the angles [rad] by time.
 
     Recordings do not hold licensed skins: --mano or --gltf brings that of the model that was
     tracked into a .glb; without it bones are drawn.
@@ -86,7 +97,7 @@ def export(
             target = output / path.relative_to(input).with_suffix(f".{to}")
         tracks = [given.dressed(track) for track in read_part(path, hand, start, end)]
         target.parent.mkdir(parents=True, exist_ok=True)
-        made = ht.export(tracks, target, raw=raw, up=up, unit=unit)
+        made = ht.export(tracks, target, raw=raw, up=up, unit=unit, base=base)
         written += made
         for file in made if not (quiet or as_json) else ():
             what = [f"{', '.join(file.hands)}", f"{file.frames:,} frames", *file.notes]

@@ -14,12 +14,14 @@ from handtrack.exporting.arrays import write_npz
 from handtrack.exporting.bvh import UNITS, write_bvh
 from handtrack.exporting.gltf import Hand, write_glb
 from handtrack.exporting.motion import motion
+from handtrack.exporting.robot_files import WRIST, check_base, write_robot
 from handtrack.exporting.table import write_csv, write_parquet
 from handtrack.files.whole import whole_file
 from handtrack.mcap.hand import hand_topics
 from handtrack.tracking.track import Track
 
-FORMATS = (".csv", ".parquet", ".npz", ".bvh", ".glb")
+ROBOTS = (".urdf", ".xml", ".mjcf")
+FORMATS = (".csv", ".parquet", ".npz", ".bvh", ".glb", *ROBOTS)
 
 _LOST = {
     ".csv": "empty cells in {}",
@@ -27,6 +29,7 @@ _LOST = {
     ".npz": "NaN in {}",
     ".bvh": "the last pose held in {}",
     ".glb": "the last pose held in {}",
+    **dict.fromkeys(ROBOTS, "empty cells in {}"),
 }
 
 
@@ -55,6 +58,7 @@ def export(
     raw: bool = False,
     up: str = "y",
     unit: str = "cm",
+    base: str = WRIST,
 ) -> list[Exported]:
     """Write tracks for other programs, in the format that the file's ending names.
 
@@ -64,6 +68,8 @@ def export(
     .npz   all arrays, with units in their names; see `arrays`
     .bvh   a skeleton with fingers and its motion; see `write_bvh`
     .glb   skinned hands with an animation, all hands in one file; see `write_glb`
+    .urdf  the hand as a robot with meshes and joints over time; see `write_robot`
+    .xml   the same for MuJoCo (MJCF), or .mjcf
     ====== ==================================================================================
 
     Of several hands each gets a file of its own, NAME_right.csv and NAME_left.csv, but for
@@ -72,10 +78,12 @@ def export(
     Args:
         tracks: one track or several of one recording, which start the time together.
         path: the file to write.
-        raw: .bvh and .glb: animate the poses as fitted instead of the filtered ones.
+        raw: .bvh, .glb and robots: move as fitted instead of as filtered.
         up: .bvh and .glb: the axis of the input's frame that points up ("y", "z", "-y" ...);
             it becomes their y.
         unit: .bvh: the unit of length, "cm", "m" or "mm".
+        base: robots: "wrist", or the name of the frame that the input is in, for the wrist to
+            float in.
 
     Returns:
         What was written.
@@ -92,6 +100,7 @@ def export(
         raise SettingsError(f"{path}: expected a name that ends in {', '.join(FORMATS)}")
     if unit not in UNITS:
         raise SettingsError(f"unit is {unit!r}, expected one of {', '.join(UNITS)}")
+    check_base(base)
     tracks = [t for t in tracks if len(t)]
     if not tracks:
         raise SettingsError("there is nothing to export: no track has a frame")
@@ -103,7 +112,11 @@ def export(
     written = []
     for file, group in groups:
         with whole_file(file) as part:
-            notes = _write(kind, group, part, origin, raw, up, unit)
+            if kind in ROBOTS:
+                ((_, track),) = group
+                notes = write_robot(track, part, file, origin, raw=raw, base=base)
+            else:
+                notes = _write(kind, group, part, origin, raw, up, unit)
         lost = sum(int(np.isnan(t.angles).any(1).sum()) for _, t in group)
         if lost:
             notes.insert(0, _LOST[kind].format(f"{lost} lost frame{'s' * (lost > 1)}"))
