@@ -10,10 +10,13 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from made_tracks import make_track
 from screens import Screen, lacking, own_reason, started
 
 import handtrack as ht
 from handtrack.errors import HandtrackError
+from handtrack.recording.write import write_mcap
+from handtrack.tracking.track import Track
 
 ROOT = Path(__file__).resolve().parent.parent
 # the tools are no part of the package; the package itself is the installed one, where there is one
@@ -74,3 +77,21 @@ def screen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Screen]:
         except (HandtrackError, RuntimeError, OSError) as error:
             lacking("viewer", own_reason(said) or str(error))
         yield found
+
+
+@pytest.fixture
+def track() -> Track:
+    return make_track()
+
+
+@pytest.fixture
+def two_hands() -> list[Track]:
+    return [
+        make_track(40, "right", offset=(0.0, 0.15, 0.0)),
+        make_track(50, "left", seed=1, offset=(0.0, -0.15, 0.0), truth=False),
+    ]
+
+
+@pytest.fixture
+def recording(track: Track, tmp_path: Path) -> Path:
+    return write_mcap(track, tmp_path / "run.mcap")

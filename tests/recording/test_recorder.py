@@ -161,7 +161,7 @@ def test_a_part_of_an_earlier_run_is_kept(track: Track, tmp_path: Path) -> None:
 
 KILLED = """
 import sys, time
-sys.path.insert(0, {tests!r})
+sys.path[:0] = {tests!r}
 from test_recorder import frames_of, make_track
 from handtrack.recording.recorder import McapRecorder
 recorder = McapRecorder({path!r}, (track := make_track(200)).model)
@@ -173,7 +173,9 @@ time.sleep(60)
 
 
 def test_kill_9(tmp_path: Path) -> None:
-    code = KILLED.format(tests=str(Path(__file__).parent), path=str(tmp_path / "a.mcap"))
+    code = KILLED.format(
+        tests=[str(p) for p in Path(__file__).parents[:2]], path=str(tmp_path / "a.mcap")
+    )
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as child:
         assert child.stdout is not None
         for line in child.stdout:

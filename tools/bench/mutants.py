@@ -40,10 +40,10 @@ TESTS = {
     "kernels": ["tests/kernels", "tests/fitting", "tests/tracking"],
     "fitting": ["tests/fitting", "tests/tracking"],
     "mcap": ["tests/mcap", "tests/recording"],
-    "viewer": ["tests/viewer", "tests/recording"],
-    "exporting": ["tests/exporting", "tests/recording"],
-    "live": ["tests/live", "tests/video"],
-    "files": ["tests/recording"],
+    "viewer": ["tests/viewer"],
+    "exporting": ["tests/exporting"],
+    "live": ["tests/live"],
+    "files": ["tests/mcap", "tests/recording", "tests/sequences"],
 }
 """Where a package's tests are, if not in the folder of its name."""
 

@@ -20,7 +20,7 @@ from handtrack.cli import run
 from handtrack.errors import HandtrackError, InputError
 from handtrack.files.whole import whole_file
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = [sys.executable, "-m", "handtrack"]
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="streams, signals differ")
 

@@ -266,7 +266,7 @@ def test_a_full_disk_leaves_nothing(tmp_path: Path) -> None:
     code = f"""
         import signal, sys
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        sys.path.insert(0, {str(Path(__file__).parent)!r})
+        sys.path.insert(0, {str(Path(__file__).parents[1])!r})
         from made_tracks import make_track
         from handtrack.errors import HandtrackError
         from handtrack.viewer.rerun_log import log_rerun

@@ -17,7 +17,7 @@ import handtrack as ht
 from handtrack.cli import main, run
 from tools.make import mano_like as make_mano_like
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")

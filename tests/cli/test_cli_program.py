@@ -1,0 +1,115 @@
+"""The program itself: help, replay, what is said while compiling."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+
+import pytest
+from cli_cases import files
+
+import handtrack as ht
+from handtrack.cli import progress as cli_progress
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "tests" / "hand")]
+
+pytestmark = pytest.mark.usefixtures("elsewhere")
+
+
+def test_replay_saves(call, made, elsewhere):
+    status, out, err = call("replay", made.recording, "--save", "deep/out.rrd")
+    assert (status, out, err) == (0, f"{made.recording} -> deep/out.rrd\n", "")
+    assert call("replay", made.recording, "--save", "small.rrd", "--no-mesh", "-q") == (0, "", "")
+    assert files(elsewhere) == {"deep/out.rrd", "small.rrd"}
+    assert Path("small.rrd").stat().st_size < Path("deep/out.rrd").stat().st_size / 3
+
+
+def test_replay_of_several_files_and_folders(call, made):
+    os.mkdir("runs")
+    shutil.copy(made.recording, "runs/a.mcap")
+    shutil.copy(made.recording, "runs/b.mcap")
+    status, out, _ = call("replay", "runs", made.recording, "--save", "all.rrd")
+    assert (status, out) == (0, f"runs/a.mcap, runs/b.mcap, {made.recording} -> all.rrd\n")
+
+
+def test_replay_without_a_viewer_fails(call, made, monkeypatch):
+    monkeypatch.setenv("RERUN_CLI_PATH", "/usr/bin/false")
+    status, out, err = call("replay", made.recording)
+    assert (status, out) == (1, "")
+    assert re.fullmatch(r"error: the viewer ended with status 1; .* --web .* --save .*\n", err)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT")
+def test_replay_serves_a_page_until_it_is_stopped(made):
+    code = (
+        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler);"
+        "from handtrack.cli import run; sys.exit(run(sys.argv[1:]))"
+    )
+    command = [sys.executable, "-c", code, "replay", made.recording, "--web", "--no-open"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        address = process.stdout.readline().strip()
+        assert address.startswith("http://127.0.0.1:")
+        assert process.stdout.readline() == "Ctrl-C stops the server.\n"
+        with urllib.request.urlopen(address, timeout=10) as page:
+            assert b"<html" in page.read().lower()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(15) == 0
+
+
+def test_help(call):
+    status, out, _ = call()
+    assert status == 0
+    for name in ("track", "replay", "stability"):
+        assert re.search(rf"^  {name} +\S", out, re.MULTILINE)
+        status, text, _ = call(name, "--help")
+        assert status == 0
+        assert text.startswith(f"Usage: handtrack {name} ")
+    assert "..." not in out.partition("Commands:")[2]
+    assert call("-h")[1] == call("--help")[1] == out
+    assert call("--version")[1] == f"handtrack, version {ht.__version__}\n"
+
+
+@pytest.mark.parametrize("program", [["handtrack"], [sys.executable, "-m", "handtrack"]])
+def test_the_program_itself(program, made, elsewhere):
+    if program == ["handtrack"]:
+        script = shutil.which("handtrack", path=str(Path(sys.executable).parent))
+        if script is None:
+            pytest.skip("the console script is not installed beside this Python")
+        program = [script]
+    done = subprocess.run(
+        [*program, "track", made.short, "--json"],
+        capture_output=True,
+        text=True,
+        stdin=subprocess.DEVNULL,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads(done.stdout)["outputs"] == ["recordings/short.mcap"]
+    assert files(elsewhere) == {"recordings/short.mcap"}
+    done = subprocess.run([*program, "track", "no.npz"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "error: no.npz: no such file or folder\n"
+
+
+def test_compiling_is_said_once_and_only_when_it_happens(capsys):
+    import numba
+
+    with cli_progress.compiling_said(quiet=False):
+        pass
+    assert capsys.readouterr() == ("", "")
+    with cli_progress.compiling_said(quiet=False):
+        for _ in range(2):
+            assert numba.njit(lambda x: x + 1)(1) == 2
+    assert capsys.readouterr() == ("", f"{cli_progress.COMPILING}\n")
+    with cli_progress.compiling_said(quiet=True):
+        assert numba.njit(lambda x: x + 2)(1) == 3
+    assert numba.njit(lambda x: x + 3)(1) == 4
+    assert capsys.readouterr() == ("", "")
