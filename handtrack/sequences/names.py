@@ -81,8 +81,19 @@ OTHER = {
     *("strength", "pinch", "grab", "width", "length", "direction", "dir", "normal", "euler"),
     *("error", "std", "sigma", "cov", "qx", "qy", "qz", "qw", "nx", "ny", "nz", "rx", "ry", "rz"),
     *("vx", "vy", "vz", "ax", "ay", "az", "roll", "pitch", "yaw", "scale", "spread", "bend"),
-    *("force", "pressure", "gesture", "gravity", "delta", "dt", "ecef", "angular", "linear"),
-    *("parent", "twist", "basis", "size", "uid", "exposure", "px", "pixel", "pixels", "d"),
+    *(
+        "ncams",
+        "force",
+        "pressure",
+        "gesture",
+        "gravity",
+        "delta",
+        "dt",
+        "ecef",
+        "angular",
+        "linear",
+    ),
+    *("parent", "twist", "basis", "size", "uid", "exposure", "px", "pixel", "pixels", "d", "ncams"),
 }
 """Words of quantities that go with hands and are no positions: left out knowingly."""
 UNITS: dict[str, Unit] = {
@@ -105,7 +116,7 @@ ABOUT_TIME = {
     *("utc", "relative", "rel", "in", "header", "sensor", "video", "host", "server", "local"),
     *("date", "world", "since", "start", "recording", "camera", "image", "hand", "media"),
 }
-FRAME = {"frame", "frames", "image", "img"}
+FRAME = {"frame", "frames", "image", "img", "fnum"}
 FRAME_NUMBER = {"index", "idx", "id", "ids", "number", "num", "no", "nr", "count", "counter", "n"}
 HAND_LABEL = {"handedness", "handness", "side", "chirality", "laterality", "hand", "hands"}
 MAYBE_HAND = {"label", "type", "category", "name", "which", "display", "lr", "class", "hand"}
@@ -149,6 +160,8 @@ def _split(word: str) -> list[str]:
         return [word[:-1], word[-1]]
     if word in _VOCABULARY or word in _KNOWN or len(word) < 4 or word.isdigit():
         return [word]
+    if word[0] in "lr" and (word[1:] in FINGER or word[1:] in WRIST):  # RTHUMB, Lwrist
+        return [word[0], word[1:]]
     best: list[list[str] | None] = [[]] + [None] * len(word)
     for end in range(1, len(word) + 1):
         for start in range(max(0, end - 12), end):

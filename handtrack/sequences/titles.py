@@ -97,7 +97,9 @@ def is_frame_number(name: str) -> bool:
     given = set(words(name))
     if not given <= FRAME | FRAME_NUMBER | {"video"}:
         return False
-    return bool(given & {"frame", "frames"}) or (bool(given & FRAME) and bool(given & FRAME_NUMBER))
+    return bool(given & {"frame", "frames", "fnum"}) or (
+        bool(given & FRAME) and bool(given & FRAME_NUMBER)
+    )
 
 
 @lru_cache(KEPT)

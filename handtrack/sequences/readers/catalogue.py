@@ -177,6 +177,23 @@ FORMATS: tuple[Format, ...] = (
         "UmeTrack's `generic_hand_model.json` beside it (`--profile FILE`); extra `formats`",
     ),
     Format(
+        "Motion capture: .trc, .c3d",
+        "markers named as joints, or by a file of pairs; also without wrist or tips",
+        "by name",
+        "as the file says",
+        "by name",
+        "`PathFileType`; file magic",
+        "`--markers FILE` for other names; .c3d: extra `formats`",
+    ),
+    Format(
+        "FreeMoCap, anipose, DeepLabCut",
+        "`mediapipe_right_hand_3d_xyz.npy` or `.csv`, `*_spatialXYZ.npy` of bodies; 3D tables",
+        "mediapipe, or by name",
+        "mm (FreeMoCap)",
+        "by name",
+        "file names, columns",
+    ),
+    Format(
         "WebXR, OpenXR, MRTK",
         "JSON lines of named joints, or of 25 or 26; one hand a line or both",
         "by name, webxr, openxr",

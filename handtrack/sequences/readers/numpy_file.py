@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from handtrack.files import npz
-from handtrack.sequences.readers import mano_params, visionpro
+from handtrack.sequences.readers import freemocap, mano_params, visionpro
 from handtrack.sequences.readers.both_hands import by_frame, of_sides, two_hands
 from handtrack.sequences.readers.fields import as_frames, from_fields
 from handtrack.sequences.readers.raw import Raw, stem
@@ -22,6 +22,9 @@ def read_npy(data: bytes, path: Path) -> list[Raw]:
         InputError: damaged, not numbers, or another shape.
     """
     array = npz.read_npy(data, path)
+    whole = freemocap.holistic(array, path)
+    if whole is not None:
+        return whole
     return two_hands(Raw(as_frames(array, path, "the array"), path, stem(path)))
 
 

@@ -12,6 +12,8 @@ import msgspec
 from handtrack.errors import InputError, SettingsError, shown
 from handtrack.files import budget
 from handtrack.sequences.readers import (
+    c3d_file,
+    freemocap,
     freihand,
     leap,
     numpy_file,
@@ -19,6 +21,7 @@ from handtrack.sequences.readers import (
     panoptic_tar,
     pickled,
     text_table,
+    trc,
 )
 from handtrack.sequences.readers.hdf5_file import HDF5_MAGIC, read_hdf5
 from handtrack.sequences.readers.interhand import is_interhand, read_interhand
@@ -78,6 +81,10 @@ def read_bytes(data: bytes, path: Path, kind: str | None = None) -> list[Raw]:
     """
     if kind is not None:
         return FORMATS[kind](data, path)
+    return freemocap.with_unit(_by_content(data, path), path)
+
+
+def _by_content(data: bytes, path: Path) -> list[Raw]:
     if data.startswith(NPY_MAGIC):
         return numpy_file.read_npy(data, path)
     if data.startswith(ZIP_MAGIC):
@@ -86,11 +93,15 @@ def read_bytes(data: bytes, path: Path, kind: str | None = None) -> list[Raw]:
     named = path.suffix in (".pkl", ".pickle")
     if (named or data[:1] == PICKLE_START) and data[-1:] == b".":
         return pickled.read_pickle(data, path)
+    if c3d_file.is_c3d(data):
+        return c3d_file.read_c3d(data, path)
     data = as_utf8(data).lstrip(b"\0")
     if not data or b"\0" in data[:512]:
         raise NotJointsError(
             "not a joint sequence: expected JSON, CSV, .npz, .npy, .mcap or a Panoptic .tar", path
         )
+    if data.lstrip(_BLANK).startswith(trc.START):
+        return trc.read_trc(data, path)
     start = data.lstrip(_BLANK)[:5]
     if start[:1] in (b"{", b"[") or start.strip() == b"null":
         return _read_json(data, path)
@@ -147,6 +158,8 @@ FORMATS: dict[str, Callable[[bytes, Path], list[Raw]]] = {
     "openxr": _read_any_json,
     "leap": leap.read_leap,
     "fpha": text_table.read_table,
+    "trc": trc.read_trc,
+    "c3d": c3d_file.read_c3d,
 }
 """Readers of a file's content by the name of their format."""
 
