@@ -155,7 +155,7 @@ def test_c3d(tmp_path, right):
     assert any("the header tells of 12 frames, there are" in note for note in part.notes)
     assert len(part) < 12
     path.write_bytes(data[:700])
-    with pytest.raises(HandtrackError, match="damaged or cut short|tells of"):
+    with pytest.raises(HandtrackError, match=r"damaged or cut short|tells of"):
         ht.load(path)
 
 
