@@ -8,6 +8,7 @@
 - Track: `track` gives `Track` (with `Event`, `Head`, `Skin`), in `Stretch`es as it goes; `Tracker`
   gives `TrackedFrame`s; settings
   `TrackSettings`, `TrackerSettings`, `FilterSettings`, `CalibrationSettings`.
+- Whole data sets: `batch` (`BatchSettings`).
 - Record: `McapRecorder`, `write_mcap`, `read_mcap`, `follow_mcap`, `retrack`, `info`, `recover`
   (`Recovered`); settings `RecordingSettings`, `MeshChoice`.
 - Look: `replay`, `log_rerun`, `LiveViewer`, `export` (`Exported`).
@@ -77,6 +78,8 @@ _WHERE = {
     "Tracker": "tracking.tracker",
     "track": "tracking.sequence_track",
     "retrack": "recording.retrack",
+    "batch": "batching.run",
+    "BatchSettings": "batching.settings",
     "info": "recording.info",
     "Recovered": "recording.recover",
     "recover": "recording.recover",
@@ -104,6 +107,8 @@ find_old_modules()
 __all__ = [*sorted(_WHERE), "__version__", "metrics"]
 
 if TYPE_CHECKING:
+    from handtrack.batching.run import batch as batch
+    from handtrack.batching.settings import BatchSettings as BatchSettings
     from handtrack.calibration.calibrate import Calibration as Calibration
     from handtrack.calibration.calibrate import calibrate as calibrate
     from handtrack.calibration.explain import Explained as Explained

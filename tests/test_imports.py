@@ -18,12 +18,14 @@ ORDER = (
     *("kernels", "hand", "cameras", "mcap", "sequences"),
     "fitting",
     *("calibration", "tracking", "recording", "viewer", "exporting", "evaluation", "video", "live"),
+    "batching",
     "cli",
 )
 """The parts of the house: each imports only those before it, inside functions too."""
 TOP = {"", "__main__", "cli"}
 """Those may import everything."""
 SLOW = ("rerun", "matplotlib", "filterpy", "mcap", "scipy", "google", "pyarrow", "h5py", "c3d")
+SLOW += ("dask", "distributed", "fsspec")
 """Imported inside the functions that need them; numba only where code is compiled."""
 COMPILED = "kernels"
 HOSTS = ("pypi" + ".org", "pythonhosted" + ".org", "registry.npmjs" + ".org", "deb.debian" + ".org")

@@ -18,7 +18,7 @@ from handtrack.cli.streams import STOPPED, stopping, usable_streams
 from handtrack.errors import HandtrackError, InputError, ModelError, SettingsError
 
 COMMANDS = (
-    *("detect", "calibrate", "track", "live", "replay", "stability", "export"),
+    *("detect", "calibrate", "track", "batch", "live", "replay", "stability", "export"),
     *("info", "retrack", "diff", "recover"),
 )
 """In the order of the help."""

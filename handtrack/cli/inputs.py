@@ -121,8 +121,11 @@ class Reading(NamedTuple):
         return a, b
 
 
-def reading_options(command: _Command) -> _Command:
-    """Give a command the options that make a `Reading`."""
+_FRAMES = click.option("--frames", metavar="A:B", help="Only source frames A to B, both included.")
+
+
+def reading_options(command: _Command, frames: bool = True) -> _Command:
+    """Give a command the options that make a `Reading`; `frames`: also the one of that name."""
     for option in (
         click.option("--fps", type=float, help="Frame rate, instead of the file's times."),
         click.option(
@@ -173,7 +176,7 @@ def reading_options(command: _Command) -> _Command:
             metavar="SIZE",
             help="Read, and unpack, files up to that size, such as 16GB.  [default: 4GB]",
         ),
-        click.option("--frames", metavar="A:B", help="Only source frames A to B, both included."),
+        *([_FRAMES] if frames else []),
     ):
         command = option(command)
     return command

@@ -91,6 +91,18 @@ class Models:
             return "mano", str(self._mano.absolute())
         return ("default", "") if self._gltf is None else ("gltf", str(self._gltf.absolute()))
 
+    def told(self) -> dict[str, object]:
+        """What makes it another hand than others: the options, and what is in their files."""
+        from handtrack.batching.source import content_digest
+
+        files = {"file": self.file, "mano": self._mano, "gltf": self._gltf}
+        read = {name: path and content_digest([path]) for name, path in files.items()}
+        return {"limits": self._limits, "tips": self._tips, **read}
+
+    def __getstate__(self) -> dict[str, Any]:
+        # a hand is read where it is needed
+        return {**self.__dict__, "_made": {}, "_manos": {}}
+
     def mano(self, hand: Hand) -> MANO | None:
         """The user's MANO of a hand, if it is to be fitted."""
         return None if self._mano is None else self._mano_of(hand)

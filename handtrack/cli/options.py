@@ -19,15 +19,19 @@ _Command = TypeVar("_Command", bound=Callable[..., Any])
 json_option = click.option("--json", "as_json", is_flag=True, help="Print numbers for machines.")
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
 
-_RECORDING = (
-    click.option(
+
+def _mesh(default: str) -> Callable[[_Command], _Command]:
+    return click.option(
         "--mesh",
         metavar="full|quantised|every:N|none",
-        default="full",
+        default=default,
         show_default=True,
         help="The skin in the recording: float32, steps of 0.12 mm, every Nth frame (also"
         " quantised,every:N), or left out.",
-    ),
+    )
+
+
+_RECORDING = (
     click.option("--no-mesh", is_flag=True, help="The same as --mesh none."),
     click.option(
         "--compression",
@@ -42,9 +46,14 @@ _RECORDING = (
 )
 
 
-def recording_options(command: _Command) -> _Command:
-    """Give a command the options that say what a recording holds; `take_recording` takes them."""
-    for option in reversed(_RECORDING):
+def recording_options(command: _Command, mesh: str = "full") -> _Command:
+    """Give a command the options that say what a recording holds; `take_recording` takes them.
+
+    Args:
+        command: it.
+        mesh: the skin that is recorded unless the user says otherwise.
+    """
+    for option in reversed((_mesh(mesh), *_RECORDING)):
         command = option(command)
     return command
 

@@ -65,7 +65,7 @@ class Source:
 def sources(folder: Path) -> Iterator[Source]:
     """Every source in a folder and the folders in it, sorted by path; hidden ones are skipped."""
     for here, names in _folders(folder):
-        data = sorted(n for n in names if _may_be_data(n))
+        data = sorted(n for n in names if may_be_data(n))
         single = together((n for n in data if not _is_numbered(n)), here)
         taken = {name for group in single for name in group}
         for group in single:
@@ -92,7 +92,8 @@ def _folders(folder: Path) -> Iterator[tuple[Path, list[str]]]:
         yield here, [name for name, _, leads_to_one in inside if not leads_to_one]
 
 
-def _may_be_data(name: str) -> bool:
+def may_be_data(name: str) -> bool:
+    """Whether a file of that name is looked into in a folder."""
     lower = name.lower()
     if name.startswith((".", *_OTHER_PANOPTIC)) or lower.startswith(_NOT_DATA):
         return False
@@ -103,6 +104,17 @@ def _may_be_data(name: str) -> bool:
 def _is_numbered(name: str) -> bool:
     """Whether files of that name make a sequence with others by their format."""
     return any(pattern.fullmatch(name) for pattern, _ in _NUMBERED)
+
+
+def together_by_name(names: list[str]) -> list[list[str]]:
+    """Files of a folder that is not at hand, as far as their names tell: those of formats with
+    numbered files together, all others alone."""
+    groups: list[list[str]] = []
+    for pattern in (*(pattern for pattern, _ in _NUMBERED), panoptic.FILE_NAME):
+        together = [name for name in names if pattern.fullmatch(name)]
+        names = [name for name in names if not pattern.fullmatch(name)]
+        groups += [together] if together else []
+    return groups + [[name] for name in names]
 
 
 def _groups(names: list[str], here: Path) -> Iterator[list[str]]:

@@ -1,0 +1,127 @@
+"""The hand that a clip is tracked with: its subject's, or its own."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from handtrack.batching.settings import BatchSettings
+from handtrack.batching.store import Store, StoreError
+from handtrack.calibration.calibrate import calibrate
+from handtrack.calibration.explain import explain
+from handtrack.errors import InputError
+from handtrack.files.scratch import scratch
+from handtrack.hand.hand_file import load_hand
+from handtrack.hand.model import HandModel
+from handtrack.hand.skeleton import PARENTS
+from handtrack.sequences.sequence import Sequence
+
+EXPLAINED = 100
+"""Frames of a clip by which a pooled hand is judged."""
+# a clip's own lengths are asked for where the pooled hand leaves so much more than any hand must,
+# in absolute terms [m] and as a ratio, and taken where they leave so much less of the rest
+_APART_M, _APART, _WORTH = 5e-4, 1.25, 0.8
+
+
+class Pooled(NamedTuple):
+    """A hand that was found in several clips of its subject.
+
+    Attributes:
+        name: of its file among the results.
+        digest: of the file.
+    """
+
+    name: str
+    digest: str
+
+
+class Chosen(NamedTuple):
+    """The hand for a clip.
+
+    Attributes:
+        model: it.
+        how: how `track` is still to calibrate it.
+        source: "pooled", "pooled, lengths own", "own" or "given".
+        told: what the track's settings are to say of it.
+        drift_mm: greatest change of a bone's length against the pooled hand.
+    """
+
+    model: HandModel
+    how: bool | str
+    source: str
+    told: Mapping[str, Any]
+    drift_mm: float | None = None
+
+
+def hand_for(
+    sequence: Sequence, settings: BatchSettings, hands: Mapping[str, Pooled], place: str | None
+) -> Chosen:
+    """The hand to track a sequence with.
+
+    Where the clip's bones clearly have other lengths than the pooled hand, these drift to the
+    clip's; axes stay the subject's.
+
+    Raises:
+        InputError: the sequence shows too little.
+        StoreError: the pooled hand cannot be read.
+    """
+    pooled = hands.get(sequence.hand)
+    if pooled is None or place is None:
+        model, how = settings.models.subject(sequence, settings.tracking.calibration.method)
+        return Chosen(model, how, "given" if how == "none" else "own", {})
+    base = settings.models.of(sequence.hand)
+    hand = pooled_hand(place, pooled.name, pooled.digest, base)
+    try:
+        found = explain(hand, sequence, EXPLAINED)
+    except InputError:  # too few joints to judge by, which is no reason not to track
+        return Chosen(hand, "none", "pooled", {})
+    drift, source = 0.0, "pooled"
+    beyond = found.fitted.mean - found.bound.mean
+    if beyond > _APART_M and found.fitted.mean > _APART * found.bound.mean:
+        own = calibrate(hand, sequence, "lengths", frames=settings.tracking.calibration.frames)
+        better = explain(own.model, sequence, EXPLAINED)
+        if better.fitted.mean - found.bound.mean < _WORTH * beyond:
+            drift = 1e3 * float(np.abs(_lengths(own.model) - _lengths(hand)).max())
+            hand, found, source = own.model, better, "pooled, lengths own"
+    about = {"method": source, "hand": pooled.name, **found.summary()}
+    return Chosen(hand, "none", source, {"calibration": about}, drift)
+
+
+def _lengths(hand: HandModel) -> Any:
+    joints = hand.rest_joints
+    return np.linalg.norm(joints[1:] - joints[PARENTS[1:]], axis=1)
+
+
+def pooled_hand(place: str, name: str, digest: str, base: HandModel) -> HandModel:
+    """A pooled hand, with the skin of the hand that its calibration began with.
+
+    Raises:
+        StoreError: it is not there, or not the one that was found.
+    """
+    data = _content(place, name, digest)
+    with scratch() as folder:
+        file = folder / Path(name).name
+        file.write_bytes(data)
+        return load_hand(file, base)
+
+
+@lru_cache(maxsize=64)
+def _content(place: str, name: str, digest: str) -> bytes:
+    store = Store(place)
+    try:
+        data = store.read(name)
+    except FileNotFoundError:
+        raise StoreError(f"{store.shown(name)} is gone: was it removed meanwhile?") from None
+    if file_digest(data) != digest:
+        raise StoreError(f"{store.shown(name)} has changed meanwhile")
+    return data
+
+
+def file_digest(data: bytes) -> str:
+    """A short name for a file's content."""
+    return hashlib.blake2b(data, digest_size=12).hexdigest()

@@ -1,0 +1,148 @@
+"""A data set from its manifest to its table: what is done, what is not done twice."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import handtrack as ht
+from handtrack.errors import InputError, SettingsError
+from tools.make.data_set import Size, subject_hands, write
+
+pytest.importorskip("distributed", reason="Dask is not installed (extra `batch`)")
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+SIZE = Size(clips=8, frames=40, subjects=2)
+
+
+@pytest.fixture(scope="session")
+def data_set(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Eight short clips of two subjects, in two formats."""
+    return write(tmp_path_factory.mktemp("data set"), SIZE)
+
+
+@pytest.fixture(scope="session")
+def client() -> Iterator[Any]:
+    """Workers that are threads of this process: quick to start, the same functions."""
+    from distributed import Client, LocalCluster
+
+    with (
+        LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+@pytest.fixture(scope="session")
+def tracked(data_set: Path, client: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of the whole data set."""
+    out = tmp_path_factory.mktemp("results") / "out"
+    ht.batch(data_set, out, client, columns=["action"])
+    return out
+
+
+def table(out: Path) -> Any:
+    from pyarrow import parquet
+
+    return parquet.read_table(out / "clips.parquet")
+
+
+def test_a_row_and_a_recording_for_each_clip(tracked):
+    rows = table(tracked).to_pylist()
+    assert [row["clip"] for row in rows] == sorted(row["clip"] for row in rows)
+    assert len(rows) == SIZE.clips
+    assert {row["state"] for row in rows} == {"done"}
+    assert {row["hand_from"] for row in rows} == {"pooled"}
+    assert {row["against"] for row in rows} == {"truth"}
+    assert {row["action"] for row in rows} == {"count", "pinch", "wave"}
+    for row in rows:
+        (again,) = ht.read_mcap(tracked / row["recording"])
+        assert len(again) == row["frames"] == SIZE.frames
+        assert again.hand == row["hand"]
+        assert 0 < row["pa_mpjpe_mean_mm"] < 5
+
+
+def test_the_pooled_hand_is_nearer_to_the_subjects_than_the_default(tracked):
+    for subject in range(SIZE.subjects):
+        true = subject_hands(SIZE, subject)
+        for side in ("left", "right"):
+            found = ht.load_hand(tracked / "hands" / f"s{subject:02d}" / side / "hand.json")
+            lengths = [
+                np.linalg.norm(np.diff(hand.rest_joints[1:].reshape(5, 4, 3), axis=1), axis=-1)
+                for hand in (found, ht.HandModel.default(side), true[side])
+            ]
+            off = [np.abs(mine - lengths[2]).mean() for mine in lengths[:2]]
+            assert off[0] < 0.8 * off[1]
+
+
+def test_what_is_done_is_not_done_again(tracked, data_set, client):
+    before = table(tracked)
+    ht.batch(data_set, tracked, client, columns=["action"])
+    assert table(tracked).equals(before)
+
+
+def test_other_settings_and_other_content_are_tracked_again(data_set, client, tmp_path):
+    out, clip = tmp_path / "out", next(data_set.parent.glob("s00/*.npz"))
+    first = ht.batch([str(clip)], out, client)
+    other = ht.batch([str(clip)], out, client, {"filter": "kalman"})
+    assert first["settings_digest"] != other["settings_digest"]
+    assert other["jitter_m_s3"][0].as_py() < first["jitter_m_s3"][0].as_py()
+    os.utime(clip, ns=(1, 1))  # another time alone is no other content
+    same = ht.batch([str(clip)], out, client, {"filter": "kalman"})
+    assert same["finished"] == other["finished"]
+    assert same["input_stamp"] != other["input_stamp"]
+
+
+def test_a_clip_that_fails_is_a_row(data_set, client, tmp_path):
+    bad = tmp_path / "bad.npz"
+    bad.write_bytes(b"PK\x03\x04 but no more of it")
+    good = next(data_set.parent.glob("s01/*.npz"))
+    rows = ht.batch([str(bad), str(good)], tmp_path / "out", client).to_pylist()
+    assert [row["state"] for row in rows] == ["failed", "done"]
+    assert "bad.npz" in rows[0]["error"]
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ([{"file": "a"}], "no column `path`"),
+        ([{"path": "a", "subjct": "x"}], "is it subject"),
+        ([{"path": "nothing.npz"}], "no such file: row 1: nothing.npz"),
+        ([{"path": "a", "hand": "third"}], "row 1: hand is 'third'"),
+        ([{"path": "a", "fps": "many"}], "row 1: fps is many"),
+        ([{"path": "a", "start": 3, "end": 2}], "row 1: end is 2, start 3"),
+    ],
+)
+def test_a_manifest_that_is_wrong_is_refused(rows, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        ht.batch(rows, tmp_path / "out")
+
+
+def test_two_clips_of_one_name_are_refused(tmp_path):
+    for name in ("a.npz", "a.csv"):
+        (tmp_path / name).write_bytes(b"joints")
+    with pytest.raises(InputError, match="would both be named a"):
+        ht.batch(tmp_path, tmp_path / "out")
+
+
+def test_a_second_run_says_so_and_stops(data_set, client, tmp_path):
+    from handtrack.batching.lock import only_run
+    from handtrack.batching.store import Store
+
+    store = Store(tmp_path)
+    with only_run(store), pytest.raises(SettingsError, match="is writing here"):
+        ht.batch(data_set, tmp_path, client, columns=["action"])
+
+
+def test_a_scheduler_that_is_not_there_is_told(data_set, tmp_path, monkeypatch):
+    from handtrack.batching import engine
+
+    monkeypatch.setattr(engine, "_CONNECT_S", 1)
+    with pytest.raises(SettingsError, match="no scheduler answers there"):
+        ht.batch(data_set, tmp_path, scheduler="tcp://127.0.0.1:9", columns=["action"])
