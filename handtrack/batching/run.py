@@ -137,13 +137,14 @@ def run(
     with only_run(store):
         store.sweep()
         compact(store)
+        state, complete = _Run(store, settings, watch), False
         try:
-            state = _Run(store, settings, watch)
             with ExitStack() as stack:
                 state.track(clips, where, again, stack)
-        except BaseException:
-            compacted_as_far_as_possible(store)
-            raise
+            complete = True
+        finally:
+            if not complete:
+                compacted_as_far_as_possible(store)
         table = compact(store)
     return state.outcome(clips, table, time.monotonic() - start)
 
