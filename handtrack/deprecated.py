@@ -13,6 +13,7 @@ from typing import Any, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 R = TypeVar("R")
+C = TypeVar("C")
 
 MODULES = {
     "fitting.bcd": {
@@ -82,6 +83,40 @@ def old_positions(*names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
         return call
 
     return decorate
+
+
+def renamed(**names: str) -> Callable[[type[C]], type[C]]:
+    """A class whose attributes, and arguments, can still be called as they were.
+
+    Args:
+        names: how each that was called so is called now.
+    """
+
+    def decorate(cls: type[C]) -> type[C]:
+        make: Any = cls.__init__
+
+        @functools.wraps(make)
+        def init(self: C, *args: Any, **options: Any) -> None:
+            for old, new in names.items():
+                if old in options and new not in options:
+                    warn(f"{cls.__name__}.{old} is {new} now")
+                    options[new] = options.pop(old)
+            make(self, *args, **options)
+
+        setattr(cls, "__init__", init)  # noqa: B010
+        for old, new in names.items():
+            setattr(cls, old, _old_attribute(cls.__name__, old, new))
+        return cls
+
+    return decorate
+
+
+def _old_attribute(owner: str, old: str, new: str) -> property:
+    def give(self: Any) -> Any:
+        warn(f"{owner}.{old} is {new} now")
+        return getattr(self, new)
+
+    return property(give)
 
 
 def moved(module: str, names: Mapping[str, str]) -> Callable[[str], Any]:

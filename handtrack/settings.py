@@ -6,7 +6,7 @@ made from it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self, get_type_hints
 
@@ -218,14 +218,3 @@ def _check(name: str, value: Any, about: About, default: Any) -> None:
 
 def _one_of(choices: tuple[str, ...]) -> str:
     return " or ".join(choices) if len(choices) == 2 else f"one of {', '.join(choices)}"
-
-
-def described(cls: type[Settings]) -> str:
-    """Lines that list the settings of a class: name, default, what it may be, help."""
-    return "\n".join(_lines(cls.known().items()))
-
-
-def _lines(known: Iterable[tuple[str, Known]]) -> Iterable[str]:
-    for name, at in known:
-        what = f" ({at.about.range})" if at.about.range else ""
-        yield f"{name} = {at.default!r}{what}: {at.about.help}"

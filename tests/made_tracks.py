@@ -124,7 +124,7 @@ def make_track(
         filtered_joints=filtered,
         angle_variance=variance,
         objective=objective,
-        sweeps=rng.integers(1, 9, frames),
+        iterations=rng.integers(1, 9, frames),
         status=status,
         reason=reason,
         model=model,

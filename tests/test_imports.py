@@ -14,7 +14,7 @@ PACKAGE = ROOT / "handtrack"
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if not p.name.endswith("_pb2.py"))
 
 ORDER = (
-    *("errors", "deprecated", "settings", "files"),
+    *("errors", "deprecated", "read_only", "settings", "files"),
     *("kernels", "hand", "cameras", "mcap", "sequences"),
     "fitting",
     *("calibration", "tracking", "recording", "viewer", "exporting", "evaluation", "video", "live"),

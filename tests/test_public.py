@@ -128,6 +128,22 @@ def _old(*options: Any) -> Any:
     return options
 
 
+def test_sweeps_of_a_tracked_frame_are_its_iterations() -> None:
+    model = ht.HandModel.default()
+    frame = ht.Tracker(model).step(JOINTS, 0)
+    fit = ht.fit(model, JOINTS)
+    assert frame.iterations == fit.iterations > fit.sweeps > 0
+    track = ht.track(ht.Sequence(np.array([0]), JOINTS[None]), model, calibrate="none")
+    old = {name: array for name, array in track.arrays().items() if name != "iterations"}
+    with pytest.warns(DeprecationWarning, match="Track.sweeps is iterations now"):
+        again = ht.Track(name="", hand="right", model=model, sweeps=np.array([7]), **old)
+    assert again.iterations.tolist() == [7]
+    with pytest.warns(DeprecationWarning, match="TrackedFrame.sweeps is iterations now"):
+        assert getattr(frame, "sweeps") == frame.iterations  # noqa: B009
+    with pytest.warns(DeprecationWarning, match="Track.sweeps"):
+        assert getattr(again, "sweeps").tolist() == [7]  # noqa: B009
+
+
 def test_what_no_version_took_is_refused() -> None:
     @old_positions("b")
     def add(a: int, *, b: int = 0, c: int = 0) -> int:

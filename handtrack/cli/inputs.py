@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -314,6 +314,8 @@ def _cut(track: Track, frames: tuple[int, int] | None) -> Track:
     """The part of a track inside the frames, both included."""
     import numpy as np
 
+    from handtrack.recording.parts import frames_of
+
     if frames is None:
         return track
     index = track.frame_index
@@ -323,12 +325,7 @@ def _cut(track: Track, frames: tuple[int, int] | None) -> Track:
             f"no frame in {frames[0]}:{frames[1]}, the recording has {index[0]}:{index[-1]}",
             track.name,
         )
-    per_frame: dict[str, Any] = {
-        f.name: value[keep]
-        for f in fields(track)
-        if isinstance(value := getattr(track, f.name), np.ndarray) and len(value) == len(track)
-    }
-    return replace(track, **per_frame)
+    return frames_of(track, np.flatnonzero(keep))
 
 
 def _is_recording(path: Path) -> bool:

@@ -31,7 +31,7 @@ _UNITS = {"pa_mpjpe_mm": "mm", "mpjpe_mm": "mm", "jitter_m_s3": "m/s³"}
 
 
 @dataclass(frozen=True)
-class Difference:
+class PairedDifference:
     """One statistic of two methods on their common frames.
 
     Attributes:
@@ -125,7 +125,7 @@ class Comparison:
 
     methods: Mapping[str, StabilityReport]
     common: Mapping[str, Stability]
-    differences: tuple[Difference, ...]
+    differences: tuple[PairedDifference, ...]
     notes: tuple[str, ...] = ()
 
     @property
@@ -189,7 +189,7 @@ def _difference(
     common: Mapping[str, Stability],
     measure: str,
     statistic: Statistic,
-) -> Difference:
+) -> PairedDifference:
     a, b = (common[name].frame_values[measure] for name in (first, second))
     found: Intervals = difference(a, b)
     of = found.mean if statistic == "mean" else found.std
@@ -199,7 +199,7 @@ def _difference(
         return float(x[both].mean() if statistic == "mean" else x[both].std())
 
     against = common[first].against
-    return Difference(
+    return PairedDifference(
         first, second, measure, statistic, (value(a), value(b)), of, found.block, against, found.few
     )
 

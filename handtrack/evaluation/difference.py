@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -140,11 +140,11 @@ def _common(a: Track, b: Track) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def _same(a: Track, b: Track) -> bool:
-    for field in fields(Track):
-        x, y = getattr(a, field.name), getattr(b, field.name)
-        if isinstance(x, np.ndarray) and (
-            not isinstance(y, np.ndarray)
-            or x.shape != y.shape
+    for x, y in zip(a.arrays().values(), b.arrays().values(), strict=True):
+        if (x is None) != (y is None):
+            return False
+        if x is not None and (
+            x.shape != y.shape
             or (x.tolist() != y.tolist() if x.dtype.kind == "U" else x.tobytes() != y.tobytes())
         ):
             return False

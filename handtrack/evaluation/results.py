@@ -13,6 +13,7 @@ from handtrack.evaluation.arrays import Array, nan_mean
 from handtrack.evaluation.bootstrap import Intervals
 from handtrack.hand.limits import Limits
 from handtrack.hand.skeleton import FINGERS, JOINT_NAMES
+from handtrack.read_only import make_read_only
 
 Against = Literal["observed", "truth", "nothing"]
 
@@ -71,6 +72,9 @@ class Material:
     limits: Limits | None = None
     timed: bool = True
     numbered: bool = True
+
+    def __post_init__(self) -> None:
+        make_read_only(self)
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -145,6 +149,9 @@ class Stability:
     notes: tuple[str, ...] = ()
     frame_values: Mapping[str, Array] = field(default_factory=dict, repr=False)
     material: Material | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        make_read_only(self)
 
     @property
     def finger_pa_mm(self) -> dict[str, float]:

@@ -46,7 +46,7 @@ def arrays(track: Track) -> dict[str, Any]:
         "filtered_joints_m": np.where(joints[:, None], track.filtered_joints, np.nan),
         "error_m": track.error,
         "objective_m2": track.objective,
-        "sweeps": track.sweeps,
+        "sweeps": track.iterations,
         "status": track.status,
         "reason": track.reason,
         "rejected": track.rejected,

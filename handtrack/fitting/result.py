@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.hand.skeleton import N_ANGLES
+from handtrack.read_only import make_read_only
 
 Array = NDArray[np.float64]
 
@@ -64,11 +65,7 @@ class Fit:
             diagonal = np.diagonal(self.covariance, axis1=-2, axis2=-1)[..., :N_ANGLES].copy()
             variance = diagonal if known else np.full_like(self.angles, np.inf)
             object.__setattr__(self, "variance", variance)
-        for name, value in vars(self).items():
-            if isinstance(value, np.ndarray) and value.flags.writeable:
-                view = value.view()
-                view.flags.writeable = False
-                object.__setattr__(self, name, view)
+        make_read_only(self)
 
     @property
     def iterations(self) -> Any:

@@ -20,6 +20,7 @@ from handtrack.hand.limits import DEFAULT_LIMITS, Limits, preset
 from handtrack.hand.mano_file import find_mano, hand_named, read_mano
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import HANDS, N_PARTS, ORDERS, PART_JOINT, TIPS, Hand
+from handtrack.read_only import make_read_only, read_only
 
 Array = NDArray[np.float64]
 
@@ -82,6 +83,9 @@ class MANO:
     hands_components: Array
     source: str
 
+    def __post_init__(self) -> None:
+        make_read_only(self)
+
     @staticmethod
     def load(path: str | Path, hand: Hand | None = None, *, tips: str = "smplx") -> MANO:
         """Read a MANO file; nothing that stands in it is run.
@@ -116,12 +120,12 @@ class MANO:
     @cached_property
     def joint_template(self) -> Array:
         """(21, 3) rest joints of the mean hand [m]."""
-        return np.asarray(self.regressor @ self.template)
+        return read_only(np.asarray(self.regressor @ self.template))
 
     @cached_property
     def joint_basis(self) -> Array:
         """(21, 3, S): rest joints are joint_template + joint_basis @ betas [m]."""
-        return np.asarray(np.einsum("jv,vcs->jcs", self.regressor, self.shape_basis))
+        return read_only(np.einsum("jv,vcs->jcs", self.regressor, self.shape_basis))
 
     def model(
         self, betas: ArrayLike | None = None, limits: Limits | str = DEFAULT_LIMITS

@@ -23,6 +23,7 @@ from handtrack.hand.skeleton import (
     Hand,
 )
 from handtrack.hand.skinning import Skinning
+from handtrack.read_only import read_only
 
 if TYPE_CHECKING:
     from handtrack.kernels.kinematics import Placed
@@ -217,7 +218,7 @@ class HandModel:
     @cached_property
     def mean_angles(self) -> Array:
         """(20,) a relaxed hand inside the limits [rad], where a fit without a start begins."""
-        return self.limits.clamp(_RELAXED)
+        return read_only(self.limits.clamp(_RELAXED))
 
     def with_limits(self, limits: Limits | str) -> HandModel:
         """The same hand under other limits, given or named."""

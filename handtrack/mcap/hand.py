@@ -54,6 +54,11 @@ class Head:
     faces: NDArray[np.int32] = field(default_factory=lambda: np.empty((0, 3), np.int32))
     n_vertices: int = 0
 
+    @property
+    def filtered(self) -> bool:
+        """Whether a filter steadies the poses."""
+        return bool(self.settings.get("filter", "none") != "none")
+
     @staticmethod
     def of(
         model: HandModel,

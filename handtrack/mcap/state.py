@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,19 +17,42 @@ from numpy.typing import NDArray
 from handtrack.hand.mano_pose import to_mano
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import quaternion_to_matrix
-from handtrack.hand.skeleton import Hand
+from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.mcap.hand import Event, Head
 from handtrack.mcap.layout import Layout, tag, varint
 from handtrack.mcap.schema import array_class
+from handtrack.read_only import make_read_only
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class States:
-    """Some frames of a tracked hand; shapes, units and meaning as in `Track`.
+    """Some frames of a tracked hand, T of them, as arrays that can only be read.
 
-    Its arrays can only be read.
+    Metres, radians, nanoseconds, quaternions wxyz (root to world). Where nothing was fitted
+    (status "lost") poses and fitted joints are NaN.
+
+    Attributes:
+        time_ns: (T,) int64.
+        frame_index: (T,) int64, frame numbers of the source.
+        observed: (T, 21, 3) the joints given, NaN = missing.
+        confidence: (T, 21) as given, 0 where missing.
+        truth: (T, 21, 3) or None.
+        angles_raw, angles: (T, 20) as fitted, and after the filter (equal without one).
+        quaternion_raw, quaternion: (T, 4).
+        translation_raw, translation: (T, 3).
+        fitted_joints, filtered_joints: (T, 21, 3) of the raw and of the filtered pose.
+        angle_variance: (T, 20) [rad^2] of the raw angles, inf where nothing observes one.
+        objective: (T,) sum of weighted squared distances [m^2] of the raw fit.
+        iterations: (T,) sweeps and steps of the fitter.
+        status: (T,) of "fitted", "predicted", "lost".
+        reason: (T,) why, for every frame that is not plainly fitted; else "".
+        rejected: (T, 21) joints that were seen, but are outliers and were not used; none by
+            default.
+        restart: (T,) frames where the hand was found anew, after it was gone for longer than a
+            filter goes on, far from where it was, or in another pose: what was before says
+            nothing of them. None by default.
     """
 
     time_ns: NDArray[np.int64]
@@ -47,30 +70,38 @@ class States:
     filtered_joints: Array
     angle_variance: Array
     objective: Array
-    sweeps: NDArray[np.int64]
+    iterations: NDArray[np.int64]
     status: NDArray[np.str_]
     reason: NDArray[np.str_]
-    rejected: NDArray[np.bool_]
-    restart: NDArray[np.bool_]
+    rejected: NDArray[np.bool_] = field(default=None)  # type: ignore[arg-type]
+    restart: NDArray[np.bool_] = field(default=None)  # type: ignore[arg-type]
 
     def __post_init__(self) -> None:
-        for field in fields(States):
-            array = getattr(self, field.name)
-            if array is not None and array.flags.writeable:
-                # a view: who made the array may go on with it
-                view = array.view()
-                view.flags.writeable = False
-                object.__setattr__(self, field.name, view)
+        for name, shape in (("rejected", (len(self), N_JOINTS)), ("restart", (len(self),))):
+            given = getattr(self, name)
+            array = np.zeros(shape, bool) if given is None else np.asarray(given, dtype=bool)
+            object.__setattr__(self, name, array)
+        make_read_only(self)
 
     def __len__(self) -> int:
         return len(self.time_ns)
 
     def arrays(self) -> dict[str, Any]:
         """All of them by name."""
-        return {field.name: getattr(self, field.name) for field in fields(States)}
+        return {of.name: getattr(self, of.name) for of in fields(States)}
+
+    @property
+    def error(self) -> Array:
+        """(T, 21) distance of each observed joint to the fitted (raw) one [m], NaN if missing."""
+        return np.asarray(np.linalg.norm(self.fitted_joints - self.observed, axis=-1))
+
+    def skin_of(self, model: HandModel, frames: slice | NDArray[np.int64]) -> Array:
+        """(n, V, 3) skin of the filtered poses of some frames [m], NaN in lost ones."""
+        rotation = quaternion_to_matrix(self.quaternion[frames])
+        return model.vertices(self.angles[frames], rotation, self.translation[frames])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Stretch(States):
     """Some frames of a hand, one after another, and what happened meanwhile.
 
@@ -99,12 +130,31 @@ class Stretch(States):
     def settings(self) -> Mapping[str, Any]:
         return self.head.settings
 
+    @property
+    def filtered(self) -> bool:
+        """Whether a filter made `angles` differ from `angles_raw`."""
+        return self.head.filtered
+
+    @property
+    def faces(self) -> NDArray[np.int32]:
+        """(F, 3) triangles of `vertices`."""
+        return self.model.faces
+
+    @property
+    def n_vertices(self) -> int:
+        """How many vertices `vertices` has."""
+        return len(self.model.rest_vertices)
+
+    def vertices(self, frames: slice | NDArray[np.int64]) -> Array:
+        """(n, V, 3) skin of the filtered poses in the world [m], NaN in lost frames."""
+        return self.skin_of(self.model, frames)
+
 
 class ArrayField(NamedTuple):
     """A field of State that is an array of doubles.
 
     Attributes:
-        number: of the field in the protobuf message.
+        number: of the of in the protobuf message.
         name: of the field, and of the attribute of `States`.
         shape: of one frame.
         since: the format version that has it first.
@@ -144,11 +194,12 @@ SCALARS: dict[str, type] = {
     "time_ns": np.int64,
     "frame_index": np.int64,
     "objective": np.float64,
-    "sweeps": np.int64,
+    "iterations": np.int64,
     "status": np.str_,
     "reason": np.str_,
 }
 """The other fields, one value a frame."""
+_IN_FILES = {"iterations": "sweeps"}
 MARKS = ("rejected", "restart")
 """Those that are true or false, written as 1 or 0."""
 _BLOCK = 1024  # frames decoded at a time
@@ -167,13 +218,13 @@ def encode_states(states: Any, frames: slice, model: HandModel) -> list[bytes]:
         "time_ns": states.time_ns[frames].astype("<i8"),
         "frame_index": states.frame_index[frames].astype("<i8"),
         "objective": states.objective[frames].astype("<f8"),
-        "sweeps": states.sweeps[frames].astype("<i8"),
+        "sweeps": states.iterations[frames].astype("<i8"),
     }
-    for field in ARRAYS:
-        array = getattr(states, field.name)
+    for of in ARRAYS:
+        array = getattr(states, of.name)
         if array is not None:
-            layout.numbers(field.number, field.name, field.size)
-            values[field.name] = array[frames].astype("<f8")
+            layout.numbers(of.number, of.name, of.size)
+            values[of.name] = array[frames].astype("<f8")
     if model.licensed:
         for number, name, array in _mano(states, frames, model):
             layout.numbers(number, name, array.shape[1])
@@ -215,7 +266,7 @@ class StateDecoder:
         self._clear()
 
     def _clear(self) -> None:
-        names = (*(field.name for field in ARRAYS), *SCALARS)
+        names = (*(of.name for of in ARRAYS), *SCALARS)
         self._blocks: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
 
     def add(self, data: bytes) -> None:
@@ -237,8 +288,8 @@ class StateDecoder:
         """
         self._decode()
         arrays: dict[str, Any] = {
-            field.name: np.concatenate(self._blocks[field.name] or [np.empty((0, *field.shape))])
-            for field in ARRAYS
+            of.name: np.concatenate(self._blocks[of.name] or [np.empty((0, *of.shape))])
+            for of in ARRAYS
         }
         arrays |= {
             name: np.concatenate(self._blocks[name] or [np.empty(0, dtype)])
@@ -255,23 +306,23 @@ class StateDecoder:
     def _decode(self) -> None:
         """Messages that wait, to a block of each array."""
         states, self._waiting = self._waiting, []
-        for field in ARRAYS:
-            parts = [getattr(state, field.name) for state in states]
-            if field.name == "truth" and not any(parts):
+        for of in ARRAYS:
+            parts = [getattr(state, of.name) for state in states]
+            if of.name == "truth" and not any(parts):
                 continue
-            if field.since > 1 and not any(parts):
+            if of.since > 1 and not any(parts):
                 # an older file
-                parts = [np.full(field.size, field.before).tobytes()] * len(states)
-            self._blocks[field.name].append(_rows(field, parts))
+                parts = [np.full(of.size, of.before).tobytes()] * len(states)
+            self._blocks[of.name].append(_rows(of, parts))
         for name, dtype in SCALARS.items():
-            values = [getattr(state, name) for state in states]
+            values = [getattr(state, _IN_FILES.get(name, name)) for state in states]
             self._blocks[name].append(np.array(values, dtype))
 
 
-def _rows(field: ArrayField, parts: Sequence[bytes]) -> Array:
+def _rows(of: ArrayField, parts: Sequence[bytes]) -> Array:
     """(n, *shape) of a field's bytes in n messages."""
-    size = 8 * field.size
+    size = 8 * of.size
     wrong = next((len(part) for part in parts if len(part) != size), None)
     if wrong is not None:
-        raise ValueError(f"a state's {field.name} has {wrong / 8:g} numbers, expected {field.size}")
-    return np.frombuffer(b"".join(parts), "<f8").reshape(-1, *field.shape)
+        raise ValueError(f"a state's {of.name} has {wrong / 8:g} numbers, expected {of.size}")
+    return np.frombuffer(b"".join(parts), "<f8").reshape(-1, *of.shape)

@@ -15,7 +15,7 @@ from handtrack.hand.skeleton import N_JOINTS
 from handtrack.mcap.hand import Event, Head
 from handtrack.mcap.state import ARRAYS, MARKS, SCALARS, Stretch
 from handtrack.tracking.frame import TrackedFrame
-from handtrack.tracking.track import Track
+from handtrack.tracking.track import Part
 
 _COLUMNS = (
     *((f.name, f.shape, bool if f.name in MARKS else float) for f in ARRAYS),
@@ -56,7 +56,7 @@ class Slot:
         self.head: Head | None = None
         self._last_ns: int | None = None
 
-    def check(self, part: Track | Stretch) -> None:
+    def check(self, part: Part) -> None:
         """Raises InputError: the part belongs to another hand; SettingsError: it comes late."""
         times = part.time_ns
         late = len(part) and self._last_ns is not None and int(times[0]) <= self._last_ns
@@ -79,7 +79,7 @@ class Slot:
         if len(part) and (part.truth is not None) != head.has_truth:
             raise InputError("true joints are given with all frames of a hand, or with none")
 
-    def take(self, part: Track | Stretch) -> None:
+    def take(self, part: Part) -> None:
         """Remember what was written."""
         if self.head is None:
             self.head = part.head

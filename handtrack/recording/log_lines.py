@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from handtrack.mcap.state import Stretch
-from handtrack.tracking.track import Track
+from handtrack.tracking.track import Part
 
 
 class Line(NamedTuple):
@@ -23,7 +22,7 @@ class Line(NamedTuple):
     text: str
 
 
-def log_lines(track: Track | Stretch, before: tuple[str, str] = ("fitted", "")) -> list[Line]:
+def log_lines(track: Part, before: tuple[str, str] = ("fitted", "")) -> list[Line]:
     """All lines in order of time.
 
     Args:

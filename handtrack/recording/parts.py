@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import SettingsError
-from handtrack.tracking.track import SkinOfFrames, Track
+from handtrack.tracking.track import Part, SkinOfFrames, Track
+
+P = TypeVar("P", bound=Part)
 
 
 def pick(
@@ -63,16 +65,16 @@ def between(track: Track, first_ns: float, last_ns: float) -> Track:
     """The frames and events from one time to another on the track's clock, both included."""
     keep = np.flatnonzero((track.time_ns >= first_ns) & (track.time_ns <= last_ns))
     events = tuple(e for e in track.events if first_ns <= e.time_ns <= last_ns)
-    return dataclasses.replace(_frames(track, keep), events=events)
+    return dataclasses.replace(frames_of(track, keep), events=events)
 
 
-def rows(track: Track, some: slice) -> Track:
+def rows(track: P, some: slice) -> P:
     """Some frames of a track and the events that belong to them.
 
     An event goes with the first frame that is not before it, the last ones with the last frame:
     parts that make up a track have all of its events, each once.
     """
-    part = _frames(track, some)
+    part = frames_of(track, some)
     if not len(part):
         return dataclasses.replace(part, events=())
     start, stop, _ = some.indices(len(track))
@@ -86,13 +88,12 @@ def rows(track: Track, some: slice) -> Track:
     return dataclasses.replace(part, events=events)
 
 
-def _frames(track: Track, some: slice | NDArray[np.int64]) -> Track:
+def frames_of(track: P, some: slice | NDArray[np.int64]) -> P:
+    """Some frames of a track, with all its events."""
     arrays: dict[str, Any] = {
-        field.name: value[some]
-        for field in dataclasses.fields(Track)
-        if isinstance(value := getattr(track, field.name), np.ndarray)
+        name: None if array is None else array[some] for name, array in track.arrays().items()
     }
-    if track.skin is None:
+    if not isinstance(track, Track) or track.skin is None:
         return dataclasses.replace(track, **arrays)
     skin = SkinOfFrames(track.skin, np.arange(len(track))[some])
     return dataclasses.replace(track, **arrays, skin=skin)

@@ -16,12 +16,11 @@ from handtrack.errors import HandtrackError, SettingsError
 from handtrack.files.growing import PartFile
 from handtrack.hand.model import HandModel
 from handtrack.mcap.hand import Event, Head
-from handtrack.mcap.state import Stretch
 from handtrack.recording.hand_slot import FrameBuffer, Slot, no_frames
 from handtrack.recording.settings import MeshChoice, RecordingSettings
 from handtrack.recording.write import CHUNK_BYTES, HandWriter, RecordingWriter
 from handtrack.tracking.frame import TrackedFrame
-from handtrack.tracking.track import Track
+from handtrack.tracking.track import Part
 
 KEPT_NS = 1_000_000_000
 """So much time may at most wait in memory, recorded or real [ns]."""
@@ -163,7 +162,7 @@ class McapRecorder:
         self._check_open(hand)
         self._events[hand].append(event)
 
-    def add(self, part: Track | Stretch, hand: int = 0) -> None:
+    def add(self, part: Part, hand: int = 0) -> None:
         """Record the next frames of a hand: a track, or a stretch of one.
 
         Raises:
@@ -278,7 +277,7 @@ class McapRecorder:
         each = _VERTEX_BYTES + _SCENE_BYTES * self._contents.foxglove_mesh
         return _STATE_BYTES + each * len(model.rest_vertices) // every
 
-    def _begun(self, part: Track | Stretch | None) -> RecordingWriter:
+    def _begun(self, part: Part | None) -> RecordingWriter:
         if self._writer is None:
             first = self._start_ns
             if first is None:

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from handtrack.errors import shown
 from handtrack.hand.skeleton import Hand
 from handtrack.mcap.hand import Head
-from handtrack.mcap.state import Stretch
-from handtrack.tracking.track import STATUSES, Track
+from handtrack.tracking.track import STATUSES, Part
 
 SUMMARY = "handtrack.summary"
 
@@ -124,7 +123,7 @@ class HandSummary:
         self._first: int | None = None
         self._last = 0
 
-    def add(self, part: Track | Stretch) -> None:
+    def add(self, part: Part) -> None:
         """The next frames."""
         for event in part.events:
             self._events[event.level] = self._events.get(event.level, 0) + 1

@@ -23,12 +23,12 @@ from handtrack.mcap import foxglove
 from handtrack.mcap.hand import Event, Head, encode_event, encode_hand, hand_topics, text
 from handtrack.mcap.hands import METADATA
 from handtrack.mcap.schema import JOINT_STATE_NAME, JOINT_STATE_ROS2, descriptor_set
-from handtrack.mcap.state import Stretch, encode_states
+from handtrack.mcap.state import encode_states
 from handtrack.mcap.stream import McapStream
 from handtrack.recording.log_lines import Line, log_lines
 from handtrack.recording.settings import MeshChoice, RecordingSettings
 from handtrack.recording.summary import SUMMARY, HandSummary, summary_record
-from handtrack.tracking.track import Track
+from handtrack.tracking.track import Part, Track
 
 FORMAT_VERSION = "2"
 BATCH = 128
@@ -223,7 +223,7 @@ class HandWriter:
         self._before = ("fitted", "")
         self._last_ns: int | None = None
 
-    def messages(self, part: Track | Stretch) -> Sequence[Iterator[Message]]:
+    def messages(self, part: Part) -> Sequence[Iterator[Message]]:
         """All of the next frames, each source in order of time.
 
         Raises:
@@ -271,7 +271,7 @@ class HandWriter:
             data = foxglove.log_message(time, line.level, line.text, self._topic)
             yield time, self._index, i, self.channel["log"], data
 
-    def _states(self, part: Track | Stretch, first: int) -> Iterator[Message]:
+    def _states(self, part: Part, first: int) -> Iterator[Message]:
         for start in range(0, len(part), BATCH):
             frames = slice(start, start + BATCH)
             # modulo 2^64, so right for every pair of int64
@@ -294,7 +294,7 @@ class HandWriter:
                         yield time, self._index, i, channel, data
 
     def _skins(
-        self, times: foxglove.Times, part: Track | Stretch, first: int, start: int
+        self, times: foxglove.Times, part: Part, first: int, start: int
     ) -> dict[str, list[bytes | None]]:
         """The skin's messages of a batch; None for frames without."""
         picked = np.arange(-(first + start) % self._mesh.every, len(times), self._mesh.every)
@@ -310,7 +310,7 @@ class HandWriter:
                 out[name][i] = data
         return out
 
-    def _vertices(self, part: Track | Stretch, frames: NDArray[np.int64]) -> NDArray[np.float64]:
+    def _vertices(self, part: Part, frames: NDArray[np.int64]) -> NDArray[np.float64]:
         """(n, V, 3) skin of some frames, as recorded or as the model has it."""
         if isinstance(part, Track):
             return part.vertices(frames)

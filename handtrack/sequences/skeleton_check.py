@@ -29,9 +29,9 @@ _LOOK = 60
 # no joint is so far away in any unit; damaged numbers are
 _HUGE = 1e12
 _LEAST = 12
+"""A frame with fewer joints says little."""
 # the length of a bone that has none, over the hand's size
 _NOTHING = 1e-3
-"""A frame with fewer joints says little."""
 # proportions differ from the adult hand's by so much (in logarithms), more about the thumb's
 # base, which sources place differently
 _PROPORTION, _THUMB = 0.2, 0.3

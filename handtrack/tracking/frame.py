@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from handtrack.deprecated import renamed
 from handtrack.mcap.hand import Event, Head
 from handtrack.mcap.state import Stretch
 
 Array = NDArray[np.float64]
 
 
+@renamed(sweeps="iterations")
 @dataclass(frozen=True, eq=False)
 class TrackedFrame:
     """What the tracker says of one frame; fields as in Track, for a single frame.
@@ -35,7 +37,7 @@ class TrackedFrame:
     filtered_joints: Array
     angle_variance: Array
     objective: float
-    sweeps: int
+    iterations: int
     status: str
     reason: str
     rejected: NDArray[np.bool_]

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.deprecated import renamed
 from handtrack.hand.model import HandModel
-from handtrack.hand.rotations import quaternion_to_matrix
-from handtrack.hand.skeleton import ANGLE_JOINT, N_JOINTS, Hand
+from handtrack.hand.skeleton import ANGLE_JOINT, Hand
 from handtrack.mcap.hand import Event as Event
 from handtrack.mcap.hand import Head
-from handtrack.mcap.state import Stretch
+from handtrack.mcap.state import States, Stretch
 
 Array = NDArray[np.float64]
 STATUSES = ("fitted", "predicted", "lost")
@@ -53,34 +53,15 @@ class SkinOfFrames:
         return self._whole.vertices(self._frames[frames])
 
 
-@dataclass(frozen=True, eq=False)
-class Track:
+@renamed(sweeps="iterations")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Track(States):
     """A tracked sequence. Recorders, replay, metrics and reports see only this.
 
-    Shapes are for T frames; metres, radians, nanoseconds, quaternions wxyz (root to world). Its
-    arrays can only be read: parts of a track share them. Where nothing was fitted (status "lost")
-    poses and fitted joints are NaN.
+    Its arrays are those of `States`, with T frames; they can only be read.
 
     Attributes:
         name, hand, source, subject: as in the Sequence.
-        time_ns: (T,) int64.
-        frame_index: (T,) int64, frame numbers of the source.
-        observed: (T, 21, 3) the joints given, NaN = missing.
-        confidence: (T, 21) as given, 0 where missing.
-        truth: (T, 21, 3) or None.
-        angles_raw, angles: (T, 20) as fitted, and after the filter (equal without one).
-        quaternion_raw, quaternion: (T, 4).
-        translation_raw, translation: (T, 3).
-        fitted_joints, filtered_joints: (T, 21, 3) of the raw and of the filtered pose.
-        angle_variance: (T, 20) [rad^2] of the raw angles, inf where nothing observes one.
-        objective: (T,) sum of weighted squared distances [m^2] of the raw fit.
-        sweeps: (T,) iterations of the fitter.
-        status: (T,) of "fitted", "predicted", "lost".
-        reason: (T,) why, for every frame that is not plainly fitted; else "".
-        rejected: (T, 21) joints that were seen, but are outliers and were not used.
-        restart: (T,) frames where the hand was found anew, after it was gone for longer than a
-            filter goes on, far from where it was, or in another pose: what was before says
-            nothing of them.
         model: the hand that was fitted.
         settings: what made the track: plain JSON values by name.
         version: version of handtrack that made it.
@@ -91,24 +72,6 @@ class Track:
 
     name: str
     hand: Hand
-    time_ns: NDArray[np.int64]
-    frame_index: NDArray[np.int64]
-    observed: Array
-    confidence: Array
-    truth: Array | None
-    angles_raw: Array
-    angles: Array
-    quaternion_raw: Array
-    quaternion: Array
-    translation_raw: Array
-    translation: Array
-    fitted_joints: Array
-    filtered_joints: Array
-    angle_variance: Array
-    objective: Array
-    sweeps: NDArray[np.int64]
-    status: NDArray[np.str_]
-    reason: NDArray[np.str_]
     model: HandModel
     settings: Mapping[str, object] = field(default_factory=dict)
     version: str = ""
@@ -116,24 +79,6 @@ class Track:
     subject: str = ""
     events: tuple[Event, ...] = ()
     skin: Skin | None = None
-    rejected: NDArray[np.bool_] = field(default=None)  # type: ignore[arg-type]
-    restart: NDArray[np.bool_] = field(default=None)  # type: ignore[arg-type]
-
-    def __post_init__(self) -> None:
-        for name, shape in (("rejected", (len(self), N_JOINTS)), ("restart", (len(self),))):
-            given = getattr(self, name)
-            array = np.zeros(shape, bool) if given is None else np.asarray(given, dtype=bool)
-            object.__setattr__(self, name, array)
-        for of in fields(self):
-            value = getattr(self, of.name)
-            if isinstance(value, np.ndarray) and value.flags.writeable:
-                # a view: who made the array may go on with it
-                view = value.view()
-                view.flags.writeable = False
-                object.__setattr__(self, of.name, view)
-
-    def __len__(self) -> int:
-        return len(self.time_ns)
 
     @property
     def head(self) -> Head:
@@ -169,12 +114,7 @@ class Track:
     @property
     def filtered(self) -> bool:
         """Whether an angle filter made `angles` differ from `angles_raw`."""
-        return self.settings.get("filter", "none") != "none"
-
-    @property
-    def error(self) -> Array:
-        """(T, 21) distance of each observed joint to the fitted (raw) one [m], NaN if missing."""
-        return np.asarray(np.linalg.norm(self.fitted_joints - self.observed, axis=-1))
+        return self.head.filtered
 
     @property
     def measured_joints(self) -> NDArray[np.bool_]:
@@ -214,9 +154,11 @@ class Track:
         """
         if self.skin is not None:
             return self.skin.vertices(slice(None) if frames is None else frames)
-        pick = slice(None) if frames is None else frames
-        rotation = quaternion_to_matrix(self.quaternion[pick])
-        return self.model.vertices(self.angles[pick], rotation, self.translation[pick])
+        return self.skin_of(self.model, slice(None) if frames is None else frames)
+
+
+Part = Track | Stretch
+"""Some frames of a hand, one after another, with what does not change of it."""
 
 
 def track_of(stretches: Sequence[Stretch], skin: Skin | None = None) -> Track:

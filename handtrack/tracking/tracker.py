@@ -227,7 +227,7 @@ class Tracker:
             filtered_joints=joints,
             angle_variance=row.variance,
             objective=row.objective,
-            sweeps=row.sweeps + row.steps,
+            iterations=row.sweeps + row.steps,
             status="fitted" if fitted else "predicted" if known else "lost",
             reason=reason,
             rejected=verdict.rejected,

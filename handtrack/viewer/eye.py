@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.hand.skeleton import BASES
-from handtrack.tracking.track import Track
+from handtrack.tracking.track import Part
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ class Seen(NamedTuple):
     joints: Array
 
     @staticmethod
-    def of(track: Track, offset: Sequence[float] = (0.0, 0.0, 0.0)) -> Seen:
+    def of(track: Part, offset: Sequence[float] = (0.0, 0.0, 0.0)) -> Seen:
         """The fitted joints of a track and the observed ones, moved by an offset."""
         some = slice(None, None, 1 + len(track) // _MOST)
         joints = np.concatenate([track.fitted_joints[some], track.observed[some]])

@@ -12,7 +12,7 @@ from handtrack.hand.limits import Limits
 from handtrack.hand.normals import VertexNormals
 from handtrack.hand.skeleton import ANGLE_JOINT, BONES, FINGERS, JOINT_NAMES
 from handtrack.recording.log_lines import log_lines
-from handtrack.tracking.track import Track, mean_and_max
+from handtrack.tracking.track import Part, mean_and_max
 from handtrack.viewer import style
 from handtrack.viewer.abilities import draws_states
 from handtrack.viewer.limit_marks import HELD, OUTSIDE, limit_marks
@@ -128,7 +128,7 @@ class HandLog:
             )
             self._static(f"status/{hand.topic}", states)
 
-    def add(self, part: Track) -> None:
+    def add(self, part: Part) -> None:
         """Send the next frames."""
         if not len(part):
             return
@@ -144,7 +144,7 @@ class HandLog:
         if self._normals is not None:
             self._skin(part, self._normals)
 
-    def scalars(self, entity: str, part: Track, values: Array, rows: NDArray[np.int64]) -> None:
+    def scalars(self, entity: str, part: Part, values: Array, rows: NDArray[np.int64]) -> None:
         """Send values (n, k) of the part's frames `rows` (n,) to plot."""
         for some in batches(len(rows), ROWS):
             self._send(part, entity, _scalars(values[some]), rows[some])
@@ -152,7 +152,7 @@ class HandLog:
     def _static(self, entity: str, archetype: Any) -> None:
         self._recording.log(entity, archetype, static=True)
 
-    def _send(self, part: Track, entity: str, columns: Any, rows: Any = slice(None)) -> None:
+    def _send(self, part: Part, entity: str, columns: Any, rows: Any = slice(None)) -> None:
         """Columns of the part's frames `rows`."""
         times = indexes(part.frame_index[rows], part.time_ns[rows], self._origin)
         self._recording.send_columns(entity, times, columns)
@@ -173,7 +173,7 @@ class HandLog:
             for id_, (label, colour, _) in style.skeletons(self._hand.run).items()
         ]
 
-    def _skin(self, part: Track, normals: VertexNormals) -> None:
+    def _skin(self, part: Part, normals: VertexNormals) -> None:
         """The skin of the filtered pose, with normals; nothing where there is no pose."""
         import rerun as rr
 
@@ -193,7 +193,7 @@ class HandLog:
             counts = known * part.n_vertices
             self._send(part, f"world/{self._hand.topic}/skin", columns.partition(counts), rows)
 
-    def _skeleton(self, part: Track, class_id: int, joints: Array) -> None:
+    def _skeleton(self, part: Part, class_id: int, joints: Array) -> None:
         """Only joints that are there, so that a missing one takes its bones with it."""
         import rerun as rr
 
@@ -206,7 +206,7 @@ class HandLog:
             )
             self._send(part, entity, columns.partition(present.sum(1)), rows)
 
-    def _rejected(self, part: Track) -> None:
+    def _rejected(self, part: Part) -> None:
         """The observed joints that were not used, where there are some or were just before."""
         import rerun as rr
 
@@ -220,7 +220,7 @@ class HandLog:
             columns = rr.Points3D.columns(positions=positions)
             self._send(part, entity, columns.partition(counts[at]), at)
 
-    def _marks(self, part: Track) -> None:
+    def _marks(self, part: Part) -> None:
         """The joints that a limit holds, and those that are outside."""
         import rerun as rr
 
@@ -251,7 +251,7 @@ class HandLog:
                 values = np.where(outside[found], degrees, np.nan)
                 self.scalars(entity, part, values, found)
 
-    def _angles(self, part: Track) -> None:
+    def _angles(self, part: Part) -> None:
         """The angles of each finger [deg], as fitted and after the filter, and their limits."""
         kinds = [("angles", part.angles)]
         if part.filtered:
@@ -268,7 +268,7 @@ class HandLog:
             bounds = np.tile(np.rad2deg(limits), (len(ends), 1))
             self._send(part, f"{entity}/limits", _scalars(bounds), ends)
 
-    def _errors(self, part: Track) -> None:
+    def _errors(self, part: Part) -> None:
         """Distances of the joints [mm]: fitted to observed, as far as used; filtered to true."""
         values = list(mean_and_max(np.where(part.rejected, np.nan, part.error)))
         if part.truth is not None:
@@ -278,7 +278,7 @@ class HandLog:
         for rows in batches(len(part), ROWS):
             self._send(part, f"errors/{self._hand.topic}", _scalars(millimetres[rows]), rows)
 
-    def _turns(self, part: Track) -> None:
+    def _turns(self, part: Part) -> None:
         """Where the hand was no longer fitted, and where found, as points among the angles."""
         import rerun as rr
 
@@ -301,7 +301,7 @@ class HandLog:
             self.scalars(entity, part, values, found)
         self._had_turns = True
 
-    def _states(self, part: Track) -> None:
+    def _states(self, part: Part) -> None:
         """Where the status changes."""
         import rerun as rr
 
@@ -312,7 +312,7 @@ class HandLog:
             columns = rr.StateChange.columns(state=status[rows].tolist())
             self._send(part, f"status/{self._hand.topic}", columns, rows)
 
-    def _lines(self, part: Track) -> None:
+    def _lines(self, part: Part) -> None:
         """The events, and changes of status, as lines of a log."""
         import rerun as rr
 

@@ -15,9 +15,8 @@ import numpy as np
 from handtrack.errors import HandtrackError, SettingsError
 from handtrack.hand.limits import Limits
 from handtrack.mcap.hand import Head
-from handtrack.mcap.state import Stretch
 from handtrack.recording.parts import rows
-from handtrack.tracking.track import Track, track_of
+from handtrack.tracking.track import Part
 from handtrack.viewer.blueprint import blueprint
 from handtrack.viewer.eye import Seen, eye
 from handtrack.viewer.hand_log import HandLog
@@ -164,9 +163,8 @@ class LiveViewer:
         self._waiting.clear()
         self._sent = time.monotonic()
 
-    def add(self, part: Track | Stretch, name: str) -> None:
+    def add(self, part: Part, name: str) -> None:
         """Show the next frames of the hand that is called so, in order of time."""
-        part = track_of([part]) if isinstance(part, Stretch) else part
         if self._recording is None or not len(part) or not self.open:
             return
         if name not in self._hands:

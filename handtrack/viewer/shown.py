@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.mcap.hand import Event, hand_topics
-from handtrack.tracking.track import Track
+from handtrack.tracking.track import Part, Track
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ class Shown(NamedTuple):
         offset: (3,) by which it is moved in the world [m].
     """
 
-    track: Track
+    track: Part
     topic: str
     run: int = 0
     run_name: str = ""
@@ -89,7 +89,7 @@ def later(track: Track, by_ns: int) -> Track:
     return dataclasses.replace(track, time_ns=track.time_ns + by_ns, events=events)
 
 
-def origin_ns(tracks: Sequence[Track]) -> int | None:
+def origin_ns(tracks: Sequence[Part]) -> int | None:
     """What is zero on the viewer's clock: the first frame; None where stamps are Unix time."""
     starts = [int(t.time_ns[0]) for t in tracks if len(t)]
     if starts and all(_UNIX_NS[0] <= start < _UNIX_NS[1] for start in starts):

@@ -73,7 +73,7 @@ def make_track(observed, estimate, truth=None, status=None, fps=30.0, name="walk
         filtered_joints=estimate,
         angle_variance=zeros,
         objective=np.zeros(n),
-        sweeps=np.zeros(n, dtype=np.int64),
+        iterations=np.zeros(n, dtype=np.int64),
         status=status,
         reason=np.full(n, ""),
         model=HandModel.default(hand),

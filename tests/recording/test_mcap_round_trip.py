@@ -70,7 +70,7 @@ def tracks(draw: st.DrawFn) -> Track:
         filtered_joints=bits(21, 3),
         angle_variance=bits(20),
         objective=bits(),
-        sweeps=np.array(draw(st.lists(INT64, min_size=n, max_size=n)), np.int64),
+        iterations=np.array(draw(st.lists(INT64, min_size=n, max_size=n)), np.int64),
         status=np.array(draw(st.lists(st.sampled_from(STATUSES), min_size=n, max_size=n)), np.str_),
         reason=np.array(draw(st.lists(ARRAY_TEXT, min_size=n, max_size=n)), np.str_),
         rejected=rng.random((n, 21)) < 0.3,
@@ -113,7 +113,7 @@ def test_arrays_that_are_views_or_of_another_type(tmp_path: Path) -> None:
     strided = dataclasses.replace(
         track,
         observed=np.asfortranarray(track.observed),
-        sweeps=np.repeat(track.sweeps, 2)[::2],
+        iterations=np.repeat(track.iterations, 2)[::2],
         angles=np.ascontiguousarray(track.angles.T).T,
     )
     write_mcap(strided, tmp_path / "run.mcap")

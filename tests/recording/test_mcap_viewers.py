@@ -83,7 +83,7 @@ def test_state_for_a_reader_who_knows_only_the_schema(found: Messages, track: Tr
             )
         for name in ("confidence", "angles", "angles_raw", "quaternion", "angle_variance"):
             np.testing.assert_array_equal(getattr(state, name), getattr(track, name)[i])
-        assert state.sweeps == track.sweeps[i]
+        assert state.sweeps == track.iterations[i]
 
 
 def test_model_for_a_reader_who_knows_only_the_schema(found: Messages, track: Track) -> None:

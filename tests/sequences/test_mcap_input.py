@@ -342,7 +342,7 @@ def make_track(joints):
         filtered_joints=joints,
         angle_variance=np.ones((n, 20)),
         objective=np.zeros(n),
-        sweeps=np.ones(n, np.int64),
+        iterations=np.ones(n, np.int64),
         status=np.full(n, "fitted"),
         reason=np.full(n, ""),
         model=ht.HandModel.default("left"),

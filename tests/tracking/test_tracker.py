@@ -187,7 +187,7 @@ def test_nothing_seen_is_an_ordinary_frame(sample):
         tracker = ht.Tracker(ht.HandModel.default(), filter=name)
         for t in range(3):
             frame = tracker.step(nothing, t)
-            assert (frame.status, frame.sweeps) == ("lost", 0)
+            assert (frame.status, frame.iterations) == ("lost", 0)
         assert tracker.step(sample.joints[0], 3).status == "fitted"
         no_weight = tracker.step(sample.joints[1], FRAME_NS, np.zeros(21))
         assert no_weight.status == ("lost" if name == "none" else "predicted")
@@ -330,13 +330,15 @@ def test_shapes_and_types(tracked, long):
         "filtered_joints": (n, 21, 3),
         "angle_variance": (n, N_ANGLES),
         "objective": (n,),
-        "sweeps": (n,),
+        "iterations": (n,),
         "status": (n,),
         "reason": (n,),
     }
     for name, shape in shapes.items():
         assert getattr(tracked, name).shape == shape, name
-    assert tracked.time_ns.dtype == tracked.frame_index.dtype == tracked.sweeps.dtype == np.int64
+    assert (
+        tracked.time_ns.dtype == tracked.frame_index.dtype == tracked.iterations.dtype == np.int64
+    )
     assert tracked.angles.dtype == tracked.fitted_joints.dtype == np.float64
     same(tracked.time_ns, long.time_ns)
     same(tracked.frame_index, long.frame_index)
@@ -364,7 +366,7 @@ def test_poses_joints_and_errors_belong_together(tracked):
     squares = tracked.confidence[..., None] * (tracked.observed - tracked.fitted_joints) ** 2
     objective = np.nansum(squares, axis=(1, 2))
     np.testing.assert_allclose(tracked.objective[fitted], objective[fitted], rtol=1e-9, atol=1e-12)
-    assert (tracked.sweeps[fitted] > 0).all()
+    assert (tracked.iterations[fitted] > 0).all()
     assert (tracked.angle_variance[fitted] >= 0).all()
 
 
@@ -381,7 +383,13 @@ def test_raw_fits_do_not_depend_on_the_filter(sample):
     none, *others = (ht.track(sample, filter=name) for name in FILTERS + WAITING)
     for other in others:
         assert other.filtered
-        for name in ("angles_raw", "quaternion_raw", "translation_raw", "fitted_joints", "sweeps"):
+        for name in (
+            "angles_raw",
+            "quaternion_raw",
+            "translation_raw",
+            "fitted_joints",
+            "iterations",
+        ):
             same(getattr(other, name), getattr(none, name))
 
 

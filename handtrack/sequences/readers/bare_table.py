@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from handtrack.errors import InputError
-from handtrack.hand.skeleton import BONES, N_JOINTS, ORDERS
+from handtrack.hand.skeleton import N_JOINTS, ORDERS
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.readers.both_hands import two_hands
 from handtrack.sequences.readers.fields import JOINT_COUNTS as COUNTS
@@ -17,9 +17,10 @@ from handtrack.sequences.readers.fields import PAIRS, frame_numbers
 from handtrack.sequences.readers.raw import METRES, Array, NotJointsError, Raw, Unit, stem
 from handtrack.sequences.readers.table_cells import Table
 from handtrack.sequences.size import PLAUSIBLE_PALM, palm_length
+from handtrack.sequences.skeleton_check import misfit
 
 _FAR_BETTER = 0.8
-"""One arrangement's bones are so much shorter and steadier than another's, at least."""
+"""One order makes so much better a hand than another, at least."""
 
 
 def read_bare(table: Table, path: Path) -> list[Raw]:
@@ -72,14 +73,14 @@ def _one_hand(raw: Raw, first: Array | None, table: Table, path: Path) -> Raw:
         return _with_count(raw, first, table, path)
     if stem(path) == "skeleton" and table.separator is None:
         return _fpha(raw, first, path)
-    ours, theirs = (_looseness(raw.joints[:, list(ORDERS[o])]) for o in ("handtrack", "fpha"))
+    ours, theirs = (misfit(raw.joints, ORDERS[order]) for order in ("handtrack", "fpha"))
     if theirs < _FAR_BETTER * ours:
         note = "64 columns without titles: read as FPHA's (index, its joint order, mm)"
         return replace(_fpha(raw, first, path), notes=(note,))
     if ours > _FAR_BETTER * theirs:
         raise InputError(
-            "64 columns without titles: neither this project's joint order nor FPHA's makes bones"
-            " of one length of them (--order says which it is, titles as x0, y0, z0 say it too)",
+            "64 columns without titles: neither this project's joint order nor FPHA's makes a"
+            " hand of them (--order says which it is, titles as x0, y0, z0 say it too)",
             path,
         )
     raw = _with_count(raw, first, table, path)
@@ -93,17 +94,6 @@ def _unit(joints: Array) -> Unit | None:
     palm = palm_length(joints)
     low, high = PLAUSIBLE_PALM
     return next((unit for unit, metres in METRES.items() if low <= palm * metres <= high), None)
-
-
-def _looseness(joints: Array) -> float:
-    """How far joints are from being a hand's: the length of its bones and how it changes."""
-    parent, child = np.array(BONES).T
-    moved = joints[np.isfinite(joints).all((1, 2))]
-    if not len(moved):
-        return float("inf")
-    with np.errstate(over="ignore", invalid="ignore"):  # what is no place is refused later
-        bones = np.linalg.norm(moved[:, child] - moved[:, parent], axis=-1)
-        return float((bones.mean(0) + 5 * bones.std(0)).sum())
 
 
 def _with_count(raw: Raw, first: Array | None, table: Table, path: Path) -> Raw:
