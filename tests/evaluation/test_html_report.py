@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 import subprocess
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from screens import lacking
 
 import handtrack as ht
 from handtrack.evaluation.compare import compare
-from handtrack.evaluation.html_report import page_data, to_html
+from handtrack.evaluation.html_report import _trace, page_data, to_html
 from handtrack.evaluation.stability import stability, stability_of_pair, stability_of_pairs
 from handtrack.hand.model import HandModel
 from handtrack.sequences.sequence import Sequence
@@ -146,3 +147,29 @@ def test_a_browser_draws_it(browser, both, sample_file, tmp_path):
         assert ("none" in shown) == (name == "alone")
         assert "NaN" not in body
         assert "undefined" not in body
+
+
+def test_long_traces_are_least_mean_and_greatest_of_spans():
+    """Against loops, with gaps: a span in which nothing is known is null."""
+    (truth, a) = sequences(n=120, sigmas_mm=(2.0,))
+    row = stability_of_pair(a, truth)
+    values = np.random.default_rng(1).normal(size=(120, 3))
+    values[:25, 1] = np.nan
+    values[30:33] = np.nan
+    trace = _trace(row, values, 0, bins=7)
+    edges = np.linspace(0, 120, 8).astype(int)
+    for k in range(3):
+        for i, (start, end) in enumerate(pairwise(edges)):
+            known = [v for v in values[start:end, k] if not np.isnan(v)]
+            got = [trace[name][k][i] for name in ("low", "mean", "high")]
+            if not known:
+                assert got == [None] * 3
+            else:
+                wanted = [min(known), sum(known) / len(known), max(known)]
+                assert got == pytest.approx(wanted, abs=0.0051)
+    short = _trace(row, values, 0, bins=120)
+    assert (short["low"], short["high"]) == (None, None)
+    for k in range(3):
+        assert short["mean"][k] == [
+            None if np.isnan(v) else pytest.approx(v, abs=0.0051) for v in values[:, k]
+        ]

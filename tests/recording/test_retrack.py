@@ -1,4 +1,4 @@
-"""Tracking again what a track was made of; and what differs between two tracks."""
+"""Tracking again what a track was made of."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import handtrack as ht
-from handtrack.evaluation.difference import difference, differences
-from handtrack.hand.skeleton import JOINT_NAMES
+from handtrack.evaluation.difference import difference
 from handtrack.recording.retrack import as_stored, retrack
 from handtrack.sequences.sequence import Remark
 from handtrack.tracking.settings import FILTERS
@@ -94,62 +93,6 @@ def test_a_licensed_hand_is_asked_for(sample):
     assert [n for n in same(first, again) if n != "model"] == []
     np.testing.assert_array_equal(again.model.rest_joints, first.model.rest_joints)
     np.testing.assert_allclose(again.vertices(), first.vertices(), atol=1e-12)
-
-
-def test_differences_are_those_that_were_made(sample):
-    first = ht.track(sample)
-    angles, joints = first.angles.copy(), first.filtered_joints.copy()
-    angles[10, 3] += np.radians(2.0)
-    joints[20, 8] += [0.003, 0.0, 0.004]
-    status = first.status.copy()
-    status[5] = "lost"
-    second = dataclasses.replace(
-        first,
-        angles=angles,
-        filtered_joints=joints,
-        status=status,
-        settings={**first.settings, "filter": "kalman"},
-    )
-    found = difference(first, second)
-    assert not found.same
-    assert found.worst_deg == pytest.approx(2.0)
-    assert found.worst_mm == pytest.approx(5.0)
-    assert found.angles_deg["thumb_ip_flexion"].max == pytest.approx(2.0)
-    assert found.angles_deg["thumb_ip_flexion"].mean == pytest.approx(
-        2.0 / (first.status != "lost").sum()
-    )
-    changed = [name for name, change in found.joints_mm.items() if change.max > 0]
-    assert changed == [JOINT_NAMES[8]]
-    assert (found.statuses, found.one_sided) == (1, 0)
-    assert found.settings == {"filter": ("none", "kalman")}
-    assert found.within(2.01, 5.01)
-    assert not found.within(1.99, 5.01)
-    assert not found.within(2.01, 4.99)
-
-
-def test_a_pose_that_only_one_has_is_beyond_all_tolerances(sample):
-    first = ht.track(sample)
-    angles = first.angles.copy()
-    angles[7] = np.nan
-    found = difference(first, dataclasses.replace(first, angles=angles))
-    assert found.one_sided == 1
-    assert not found.within(np.inf, np.inf)
-
-
-def test_hands_without_a_counterpart_are_refused(sample):
-    first = ht.track(sample)
-    left = dataclasses.replace(first, hand="left", model=ht.HandModel.default("left"))
-    with pytest.raises(ht.InputError, match=r"a right hand, .* a left one"):
-        difference(first, left)
-    with pytest.raises(ht.InputError, match="in one of the two only"):
-        differences([first], [left])
-    with pytest.raises(ht.InputError, match="in one of the two only"):
-        differences([first], [first, left])
-    later = dataclasses.replace(first, frame_index=first.frame_index + 1000)
-    with pytest.raises(ht.InputError, match="no frame in common"):
-        difference(first, later)
-    renamed = dataclasses.replace(first, name="other")
-    assert differences([first], [renamed])[0].same
 
 
 WRONG = {
