@@ -11,7 +11,8 @@
 - Whole data sets: `batch` (`BatchSettings`).
 - Record: `McapRecorder`, `write_mcap`, `read_mcap`, `follow_mcap`, `retrack`, `info`, `recover`
   (`Recovered`); settings `RecordingSettings`, `MeshChoice`.
-- Look: `replay`, `log_rerun`, `LiveViewer`, `export` (`Exported`).
+- Look: `replay`, `log_rerun`, `LiveViewer`, `export` (`Exported`),
+  `convert` (`Converted` with `Made` and `Loss`).
 - Measure: `stability` (`StabilityReport` of `Stability`, with `Spread`, `Intervals`, `Uncertain`,
   `Material`) of tracks or `Estimate`s; `diff` (`Difference`s, of `Change`s); `metrics`.
 - What went wrong: `InputError`, `SettingsError`, `ModelError`, all `HandtrackError`.
@@ -87,6 +88,10 @@ _WHERE = {
     "replay": "viewer.replay",
     "LiveViewer": "viewer.live_viewer",
     "export": "exporting.files",
+    "convert": "converting.convert",
+    "Converted": "converting.convert",
+    "Made": "converting.convert",
+    "Loss": "converting.loss",
     "Exported": "exporting.files",
     "stability": "evaluation.stability",
     "Estimate": "evaluation.measure",
@@ -117,6 +122,10 @@ if TYPE_CHECKING:
     from handtrack.calibration.settings import CalibrationSettings as CalibrationSettings
     from handtrack.cameras.camera import Camera as Camera
     from handtrack.cameras.formats import load_cameras as load_cameras
+    from handtrack.converting.convert import Converted as Converted
+    from handtrack.converting.convert import Made as Made
+    from handtrack.converting.convert import convert as convert
+    from handtrack.converting.loss import Loss as Loss
     from handtrack.errors import HandtrackError as HandtrackError
     from handtrack.errors import InputError as InputError
     from handtrack.errors import ModelError as ModelError

@@ -17,8 +17,8 @@ ORDER = (
     *("errors", "deprecated", "read_only", "settings", "files"),
     *("kernels", "hand", "cameras", "mcap", "sequences"),
     "fitting",
-    *("calibration", "tracking", "recording", "viewer", "exporting", "evaluation", "video", "live"),
-    "batching",
+    *("calibration", "tracking", "recording", "viewer", "exporting", "converting"),
+    *("evaluation", "video", "live", "batching"),
     "cli",
 )
 """The parts of the house: each imports only those before it, inside functions too."""

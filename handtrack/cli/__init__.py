@@ -19,6 +19,7 @@ from handtrack.errors import HandtrackError, InputError, ModelError, SettingsErr
 
 COMMANDS = (
     *("detect", "calibrate", "track", "batch", "live", "replay", "stability", "export"),
+    "convert",
     *("info", "retrack", "diff", "recover"),
 )
 """In the order of the help."""

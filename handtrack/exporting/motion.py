@@ -29,6 +29,17 @@ _TURNS: dict[str, list[list[int]]] = {
 }
 
 
+def up_to_y(up: str) -> Array:
+    """(3, 3) that turns vectors of the input's frame into one with y up.
+
+    Raises:
+        SettingsError: `up` is no axis.
+    """
+    if up not in _TURNS:
+        raise SettingsError(f"up is {up!r}, expected one of {', '.join(UPS)}")
+    return np.array(_TURNS[up], np.float64)
+
+
 class Motion(NamedTuple):
     """The 16 moving parts of a hand over time.
 
@@ -61,8 +72,7 @@ def motion(track: Track, origin_ns: int, *, raw: bool = False, up: str = "y") ->
         InputError: no frame has a pose.
         SettingsError: `up` is no axis.
     """
-    if up not in _TURNS:
-        raise SettingsError(f"up is {up!r}, expected one of {', '.join(UPS)}")
+    turn = up_to_y(up)
     angles = track.angles_raw if raw else track.angles
     quaternion = track.quaternion_raw if raw else track.quaternion
     translation = track.translation_raw if raw else track.translation
@@ -71,7 +81,6 @@ def motion(track: Track, origin_ns: int, *, raw: bool = False, up: str = "y") ->
         raise InputError(f"{track.name}: no frame has a pose: there is nothing to animate")
     row = np.maximum.accumulate(np.where(known, np.arange(len(track)), -1))
     row[row < 0] = np.flatnonzero(known)[0]
-    turn = np.array(_TURNS[up], np.float64)
     root = turn @ quaternion_to_matrix(quaternion[row])
     wrist = root @ track.model.rest_joints[0] + translation[row] @ turn.T
     rotations = local_rotations(track.model, angles[row])

@@ -218,6 +218,15 @@ FORMATS: tuple[Format, ...] = (
         "`frames` in the JSON",
     ),
     Format(
+        "LeRobot, Parquet",
+        "a column of 63, 126 or 21 x 3 numbers a row (`observation.state` ...), or of more that"
+        " `meta/info.json` names as joints; each episode a sequence; or the columns of a CSV table",
+        "handtrack, or by name",
+        "m, or as the columns say (`wrist_x_mm`)",
+        "one or both",
+        "file magic",
+    ),
+    Format(
         "MCAP of JSON messages",
         "one topic per hand",
         "handtrack",

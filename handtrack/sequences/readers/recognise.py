@@ -27,6 +27,7 @@ from handtrack.sequences.readers.hdf5_file import HDF5_MAGIC, read_hdf5
 from handtrack.sequences.readers.interhand import is_interhand, read_interhand
 from handtrack.sequences.readers.json_file import is_lines, read_json, read_lines
 from handtrack.sequences.readers.jsontext import as_utf8, decode
+from handtrack.sequences.readers.parquet_file import PARQUET_MAGIC, read_parquet
 from handtrack.sequences.readers.raw import NotJointsError, Raw
 
 MCAP_MAGIC = b"\x89MCAP"
@@ -65,6 +66,8 @@ def read_file(
             return read_mcap(path)
         if head.startswith(HDF5_MAGIC):
             return read_hdf5(path)
+        if head.startswith(PARQUET_MAGIC):
+            return read_parquet(path)
         if _is_tar(head) or head.startswith((BZ2_MAGIC, XZ_MAGIC)):
             return panoptic_tar.read_tar(path, frames)
         if head.startswith(GZIP_MAGIC):
