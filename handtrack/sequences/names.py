@@ -8,7 +8,8 @@ names of a hand.
 
 Sources: MediaPipe hand landmarks; WebXR Hand Input; OpenXR XR_EXT_hand_tracking; Unity XR Hands
 and humanoid bones; MRTK's TrackedHandJoint; Meta's OVRSkeleton; Ultraleap's bones; ARKit's
-HandSkeleton; Vision's VNHumanHandPoseObservation; Manus; UmeTrack; Mixamo; SMPL-X.
+HandSkeleton; Vision's VNHumanHandPoseObservation; Manus; UmeTrack; Mixamo; MotionBuilder; Rokoko;
+Xsens; SMPL-X.
 """
 
 from __future__ import annotations
@@ -66,6 +67,7 @@ _SAME_AS_NEXT = {("metacarpal", "next"), ("proximal", "next"), ("intermediate", 
 _VISION = {f"{f}{p}" for f in "imrp" for p in ("tip", "dip", "pip", "mcp")}
 _VISION |= {"ttip", "tip", "tmp", "tcmc", "wri"}
 _VISION_FINGER = dict(zip("timrp", FINGERS, strict=True))
+_ORDINALS = {str(i): name for i, name in enumerate(FINGERS, 1)}
 NOISE = {
     *("xr", "hand", "hands", "joint", "joints", "jnt", "ext", "finger", "phalanx", "phalanges"),
     *("position", "positions", "pos", "bone", "bones", "landmark", "landmarks", "kp", "kpt", "j"),
@@ -77,25 +79,20 @@ WRIST = {"wrist", "carpus"}
 EXTRA = {"palm", "forearm", "elbow", "arm", "none", "invalid"}
 OTHER = {
     *("velocity", "vel", "speed", "acceleration", "acc", "rotation", "rot", "quat", "quaternion"),
-    *("orientation", "angle", "angles", "flexion", "abduction", "radius", "radii", "curl"),
+    *("orientation", "angle", "angles", "flexion", "flex", "abduction", "radius", "radii", "curl"),
     *("strength", "pinch", "grab", "width", "length", "direction", "dir", "normal", "euler"),
     *("error", "std", "sigma", "cov", "qx", "qy", "qz", "qw", "nx", "ny", "nz", "rx", "ry", "rz"),
     *("vx", "vy", "vz", "ax", "ay", "az", "roll", "pitch", "yaw", "scale", "spread", "bend"),
-    *(
-        "ncams",
-        "force",
-        "pressure",
-        "gesture",
-        "gravity",
-        "delta",
-        "dt",
-        "ecef",
-        "angular",
-        "linear",
-    ),
+    *("force", "pressure", "gesture", "gravity", "delta", "dt", "ecef", "angular", "linear"),
     *("parent", "twist", "basis", "size", "uid", "exposure", "px", "pixel", "pixels", "d", "ncams"),
 }
 """Words of quantities that go with hands and are no positions: left out knowingly."""
+BODY = {
+    *("hip", "hips", "pelvis", "spine", "chest", "neck", "head", "shoulder", "elbow", "thigh"),
+    *("shin", "leg", "knee", "ankle", "foot", "feet", "toe", "toes", "heel", "eye", "nose", "ear"),
+    *("mouth", "jaw", "clavicle", "upleg", "torso", "headset", "hmd", "gaze", "camera", "forearm"),
+}
+"""Words of the rest of a body and of what it wears: left out knowingly."""
 UNITS: dict[str, Unit] = {
     **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), "m"),
     **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), "cm"),
@@ -211,9 +208,12 @@ def joint_name(given: tuple[str, ...]) -> JointName | None:
         # the thumb's IP is "TIP", its tip "TTIP"
         finger = FINGERS.index(_VISION_FINGER[code[0]])
         return JointName(hand, finger, PART[code[1:]])
+    rest = _with_finger(rest)
     first = next((i for i, word in enumerate(rest) if word in FINGER), None)
     if first is None:
         return _no_finger(hand, given, rest)
+    if _drop(list(given), ("in", "hand")) is not None:  # MotionBuilder's metacarpals
+        return JointName(hand, FINGER[rest[first]], extra=True)
     finger = FINGER[rest[first]]
     left_over = [*rest[:first], *rest[first + 1 :]]
     for bone in _SAME_AS_NEXT:
@@ -234,6 +234,15 @@ def joint_name(given: tuple[str, ...]) -> JointName | None:
     if finger == 0 and parts == ["base"]:
         return JointName(hand, finger, METACARPAL)
     return JointName(hand, finger, PART[parts[0]] if parts else TIP)
+
+
+def _with_finger(given: list[str]) -> list[str]:
+    """Words in which a finger has its name instead of its number: Rokoko's Finger2Proximal,
+    Xsens' Digit2, the thumb being the first."""
+    for i, (word, number, part) in enumerate(zip(given, given[1:], given[2:], strict=False)):
+        if word in ("finger", "digit") and number in _ORDINALS and part in PART:
+            return [*given[:i], _ORDINALS[number], *given[i + 2 :]]
+    return given
 
 
 def _no_finger(hand: Hand | None, given: tuple[str, ...], rest: list[str]) -> JointName | None:

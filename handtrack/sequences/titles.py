@@ -15,6 +15,7 @@ from handtrack.sequences.names import (
     ABOUT_JOINTS,
     ABOUT_TIME,
     AXES,
+    BODY,
     CONFIDENCES,
     FINGER,
     FRAME,
@@ -180,7 +181,9 @@ def looks_meant(title: str) -> str | None:
     given = words(title)
     found = set(given)
     known = is_hand_label(title) or is_hand_number(title) or is_frame_number(title)
-    if known or found & (OTHER | CONFIDENCES) or column(title) or time_unit(title) is not None:
+    if known or found & (OTHER | BODY | CONFIDENCES):
+        return None
+    if column(title) or time_unit(title) is not None:
         return None
     parts = {w for w in PART if w not in ("base", "end", "null", "top", "middle", "mid", "ip")}
     fingers = {w for w in FINGER if w not in ("index", "middle", "mid", "long", "small", "little")}
@@ -201,7 +204,7 @@ def looks_meant(title: str) -> str | None:
 
 def looks_like_place(title: str) -> bool:
     """Whether a title is of no other quantity than a place."""
-    return not set(words(title)) & OTHER
+    return not set(words(title)) & (OTHER | BODY)
 
 
 def nearest(name: str) -> str:

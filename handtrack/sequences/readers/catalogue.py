@@ -194,6 +194,25 @@ FORMATS: tuple[Format, ...] = (
         "file names, columns",
     ),
     Format(
+        "BVH with fingers",
+        "Mixamo's, Rokoko's, Manus', MotionBuilder's joints; end sites are tips, without them the"
+        " tips are missing",
+        "by name",
+        "as makes a hand",
+        "by name",
+        "`HIERARCHY`",
+    ),
+    Format(
+        "Manus Core, Rokoko",
+        "CSV of joints (`Thumb_CMC_Position_X`, `Thumb_CMC_X`, `LeftFinger1Proximal_position_x`);"
+        " rotations, velocities and pinches are left out",
+        "by name",
+        "cm (Manus), m (Rokoko)",
+        "by name, or by the file's name",
+        "its titles",
+        "`--mirror` where the world is left-handed",
+    ),
+    Format(
         "WebXR, OpenXR, MRTK",
         "JSON lines of named joints, or of 25 or 26; one hand a line or both",
         "by name, webxr, openxr",

@@ -19,7 +19,7 @@ from handtrack.sequences.readers.single_frames import read_single_frames, togeth
 
 SUFFIXES = {
     *(".npz", ".npy", ".csv", ".json", ".jsonl", ".ndjson", ".txt", ".mcap"),
-    *(".tar", ".gz", ".tgz", ".bz2", ".xz", ".hdf5", ".h5", ".trc", ".c3d"),
+    *(".tar", ".gz", ".tgz", ".bz2", ".xz", ".hdf5", ".h5", ".trc", ".c3d", ".bvh"),
 }
 """Files with other endings (videos, pictures, notes) are not looked into in a folder."""
 _NOT_DATA = ("readme", "license", "licence", "copying", "changelog", "notice")

@@ -12,6 +12,7 @@ import msgspec
 from handtrack.errors import InputError, SettingsError, shown
 from handtrack.files import budget
 from handtrack.sequences.readers import (
+    bvh,
     c3d_file,
     freemocap,
     freihand,
@@ -105,6 +106,8 @@ def _by_content(data: bytes, path: Path) -> list[Raw]:
         )
     if data.lstrip(_BLANK).startswith(trc.START):
         return trc.read_trc(data, path)
+    if data.lstrip(_BLANK).startswith(bvh.START):
+        return bvh.read_bvh(data, path)
     start = data.lstrip(_BLANK)[:5]
     if start[:1] in (b"{", b"[") or start.strip() == b"null":
         return _read_json(data, path)
@@ -162,6 +165,7 @@ FORMATS: dict[str, Callable[[bytes, Path], list[Raw]]] = {
     "leap": leap.read_leap,
     "fpha": text_table.read_table,
     "trc": trc.read_trc,
+    "bvh": bvh.read_bvh,
     "c3d": c3d_file.read_c3d,
 }
 """Readers of a file's content by the name of their format."""

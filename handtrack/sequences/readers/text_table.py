@@ -13,6 +13,7 @@ joint order, 30 frames a second.
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,8 @@ from handtrack.sequences.readers.table_columns import HandColumns, read_columns
 from handtrack.sequences.readers.table_rows import by_hand, label_column, stamps_in
 
 _MOST_COLUMNS = 5000
+_FEWEST_DOUBLED = 60
+_MANUS = {"hand", "thumb_cmc", "thumb_dip", "index_cmc", "pinky_tip"}
 
 
 def read_table(data: bytes, path: Path) -> list[Raw]:
@@ -48,6 +51,7 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
     table = read_cells(data, path)
     if table.titles is None or all(c.isdigit() or not c for c in table.titles):
         return read_bare(table, path)
+    table.titles = doubled(table.titles)
     if table.width > _MOST_COLUMNS:
         raise NotJointsError(f"a table of {table.width} columns is of no hands", path)
     long = long_columns(table, table.titles, path)
@@ -65,6 +69,9 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
         frame = frame_numbers(values, len(values), path, title)
     label = label_column(table, columns)
     notes = [note] if note else []
+    if columns.unit is None and is_manus(table.titles):
+        columns.unit = "cm"
+        notes.append("Manus Core's columns: read as cm")
     unused = [*columns.unused, *(table.titles[c] for c in columns.maybe_label if c != label)]
     if unused:
         notes.append(f"columns not used: {', '.join(unused[:8])}")
@@ -87,6 +94,27 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
         raws += by_hand(raw, table, table.titles, columns, label)
         notes = []
     return raws
+
+
+def doubled(titles: list[str]) -> list[str]:
+    """Titles that all stand twice, as Manus Core's of positions and then of rotations, so that
+    the second ones are told apart."""
+    count = Counter(titles)
+    twice = [t for t, n in count.items() if n == 2]
+    if len(twice) < _FEWEST_DOUBLED or max(count.values()) > 2:
+        return titles
+    seen: set[str] = set()
+    out = []
+    for title in titles:
+        out.append(f"{title} rotation" if title in seen else title)
+        seen.add(title)
+    return out
+
+
+def is_manus(titles: list[str]) -> bool:
+    """Whether a table is Manus Core's, by the joints that no other calls so."""
+    there = {t.lower().replace("_position", "").rpartition("_")[0] for t in titles}
+    return there >= _MANUS
 
 
 def _joints(table: Table, titles: list[str], places: HandColumns) -> tuple[Array, Array | None]:
