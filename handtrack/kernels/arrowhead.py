@@ -220,24 +220,32 @@ def eliminate_fingers(w):
 
 
 @inline
-def solve_root(w):
-    """The root's change from `system`, in place; returns whether it has a minimum.
+def factor_root(w, share):
+    """`system` into D L^T above its diagonal, with D on it; of the gradient L^-1 times it.
 
-    Elimination in order, with pivots lifted to a share of what they began with.
+    Elimination in order, with pivots lifted to `share` of the least sound ones. Returns whether
+    none was.
     """
     sound = True
     for k in range(ROOT):
         row = w.system[k]
         d = row[k]
-        if not d >= row[LEAST]:
+        if not d >= share * row[LEAST]:
             sound = False
-            d = row[LEAST]
+            d = share * row[LEAST]
         row[k] = d
         inverse = 1.0 / d
         for i in range(k + 1, ROOT):
             other, v = w.system[i], row[i] * inverse
             for j in range(i, ROOT + 1):
                 other[j] -= v * row[j]
+    return sound
+
+
+@inline
+def solve_root(w):
+    """The root's change from `system`, in place; returns whether it has a minimum."""
+    sound = factor_root(w, 1.0)
     for k in range(ROOT):
         i = ROOT - 1 - k
         row = w.system[i]

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 
 from handtrack.kernels.arrowhead import (
-    LEAST,
     answer,
     eliminate_fingers,
     factor_faces,
+    factor_root,
     lift_pivots,
     root_hessian,
 )
@@ -39,23 +39,11 @@ _UNSEEN = 1e7
 
 
 @inline
-def factor_root(w):
-    """`system` into L L^T: L^T above the diagonal, on it the inverses of L's."""
-    for k in range(ROOT):
-        d = 1.0 / math.sqrt(max(w.system[k, k], 1e-9 * w.system[k, LEAST]))
-        w.system[k, k] = d
-        for i in range(k + 1, ROOT):
-            w.system[k, i] *= d
-        for i in range(k + 1, ROOT):
-            for j in range(i, ROOT):
-                w.system[i, j] -= w.system[k, i] * w.system[k, j]
-
-
-@inline
 def share_root(w):
-    """`shared`: what the root's six unknowns make of each unknown, through the root's L^-1.
+    """`shared`: what the root's six unknowns make of each unknown.
 
-    An angle answers them by -H^-1 B; the root's own are turned into the world.
+    Through the root's L^-1, and over the pivots' roots. An angle answers them by -H^-1 B; the
+    root's own are turned into the world.
     """
     for i in range(ROOT):
         for f in range(LANES):
@@ -72,10 +60,12 @@ def share_root(w):
             w.shared[SHIFT + j, N_ANGLES + SHIFT + i] = w.rotation[i, j]
     for i in range(ROOT):
         for j in range(i):
-            v = w.system[j, i]
+            v = w.system[j, i] * w.root_change[j]
             for k in range(N_POSE):
                 w.shared[i, k] -= v * w.shared[j, k]
-        v = w.system[i, i]
+        w.root_change[i] = 1.0 / w.system[i, i]
+    for i in range(ROOT):
+        v = math.sqrt(w.root_change[i])
         for k in range(N_POSE):
             w.shared[i, k] *= v
 
@@ -155,7 +145,7 @@ def unit_covariance(w):
     factor_faces(w)
     root_hessian(w)
     eliminate_fingers(w)
-    factor_root(w)
+    factor_root(w, 1e-9)
     share_root(w)
     own_parts(w)
     find_variances(w)
