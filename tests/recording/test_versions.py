@@ -34,7 +34,9 @@ def test_version_1() -> None:
         assert dict(track.settings) == was.pop("settings")
         for name, digest in was.items():
             owner = track.model if name.startswith("model.") else track
-            array: np.ndarray = getattr(owner, name.removeprefix("model."))
+            array: np.ndarray = getattr(
+                owner, name.removeprefix("model.").replace("sweeps", "iterations")
+            )
             assert hashlib.sha256(array.tobytes()).hexdigest()[:16] == digest, name
 
 
