@@ -32,14 +32,14 @@ class Earlier(NamedTuple):
     """What the table says of a clip.
 
     Attributes:
-        settings: digest of the settings that it was tracked by.
+        task: digest of the settings and the hands that it was tracked by.
         stamp: of the clip's files.
         content: digest of what was in them.
         state, kind: what came of it; see `handtrack.batching.rows`.
         files: what was written of it.
     """
 
-    settings: str
+    task: str
     stamp: str
     content: str
     state: str
@@ -164,18 +164,16 @@ def earlier(table: pyarrow.Table | None) -> dict[str, Earlier]:
     """What the table says of each clip, by name."""
     if table is None:
         return {}
-    names = ("clip", "settings_digest", "input_stamp", "input_digest", "state", "error_kind")
+    names = ("clip", "task_digest", "input_stamp", "input_digest", "state", "error_kind")
     columns: list[list[Any]] = [table[name].to_pylist() for name in names]
     columns.append(table["recording"].to_pylist())
     columns.append(table["frames_file"].to_pylist())
     found: dict[str, Earlier] = {}
-    for clip, settings, stamp, content, state, kind, recording, frames in zip(
-        *columns, strict=True
-    ):
+    for clip, task, stamp, content, state, kind, recording, frames in zip(*columns, strict=True):
         files = tuple(filter(None, (recording, frames)))
         if clip in found:
             files += found[clip].files
-        found[clip] = Earlier(settings, stamp, content, state, kind, files)
+        found[clip] = Earlier(task, stamp, content, state, kind, files)
     return found
 
 

@@ -34,7 +34,7 @@ NUMBERS = (
 COUNTS = ("frames", "fitted", "predicted", "lost", "compared")
 MADE = (
     *("against", "notes", "hand_from", "recording", "frames_file", "exports"),
-    *("settings_digest", "input_digest", "input_stamp", "version", "worker"),
+    *("settings_digest", "task_digest", "input_digest", "input_stamp", "version", "worker"),
 )
 _TIMES = ("seconds", "finished")
 KNOWN = (*TEXTS, *COUNTS, *NUMBERS, *MADE, *_TIMES)

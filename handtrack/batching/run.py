@@ -282,7 +282,9 @@ class _Run:
         said = "the worker died twice on it (killed, out of memory or crashed)"
         rows = []
         for clip, digest in zip(task.clips, task.digests, strict=True):
-            extra = {"settings_digest": digest, "finished": time.time()}
+            of_settings, _, of_task = digest.partition("-")
+            extra: dict[str, Any] = {"settings_digest": of_settings, "task_digest": of_task}
+            extra |= {"finished": time.time()}
             rows.append(row_without(clip, FAILED, said, "worker", extra))
         name = write_journal(self._store, rows)
         failed = tuple((clip.path, said) for clip in task.clips)

@@ -124,7 +124,8 @@ def track_clip(
         settings: how, and what is to be written.
         out: folder or URL to write recordings and tables to; None writes nothing.
         hands: the subject's hands, by side; a hand that is not there is found in the clip.
-        digest: of the settings, kept with the rows.
+        digest: of the settings, and with a dash after it of all that the rows depend on beside
+            the clip's content; kept with the rows.
 
     Returns:
         A row (`handtrack.batching.rows`) for each hand, or one that says what went wrong.
@@ -135,7 +136,8 @@ def track_clip(
     settings = settings or BatchSettings()
     start = time.perf_counter()
     said: dict[str, Any] = {
-        "settings_digest": digest,
+        "settings_digest": digest.partition("-")[0],
+        "task_digest": digest.partition("-")[2],
         "worker": f"{socket.gethostname()}-{os.getpid()}",
     }
 

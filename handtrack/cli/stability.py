@@ -12,7 +12,7 @@ import click
 
 from handtrack.cli.inputs import Reading, Truths, estimates, reading_options
 from handtrack.cli.models import mano_options
-from handtrack.cli.options import json_option
+from handtrack.cli.options import is_default, json_option
 from handtrack.cli.outputs import check_target
 from handtrack.errors import SettingsError
 from handtrack.files.whole import whole_file
@@ -40,6 +40,14 @@ if TYPE_CHECKING:
 @click.option("--csv", type=click.Path(path_type=Path), help="Write the table as .csv.")
 @click.option("--latex", type=click.Path(path_type=Path), help="Write the table as .tex.")
 @click.option("--html", type=click.Path(path_type=Path), help="Write a page with plots, .html.")
+@click.option("--by", multiple=True, metavar="COLUMN", help="Of a data set: report by it, too.")
+@click.option(
+    "--worst",
+    type=click.IntRange(0),
+    default=10,
+    show_default=True,
+    help="Of a data set: how many of the worst clips to name.",
+)
 @mano_options
 @json_option
 @reading_options
@@ -51,6 +59,8 @@ def stability(
     csv: Path | None,
     latex: Path | None,
     html: Path | None,
+    by: tuple[str, ...],
+    worst: int,
     as_json: bool,
     **reading: Any,
 ) -> None:
@@ -60,6 +70,9 @@ def stability(
     reads, or folders of them. They are measured against --truth, else against the truth that
     they hold, else against the observed joints. With names (NAME=FILE, once or several times
     for each NAME) or --compare, methods are compared on the frames that all of them have.
+
+    Of a folder that `handtrack batch` wrote the table is read: overall, by subject, by any
+    column (--by), the worst clips, intervals by subjects and clips; of two the difference.
 
     \b
     PA-MPJPE   mean joint distance after the best similarity (det +1) of each frame, mm
@@ -74,6 +87,23 @@ def stability(
     from handtrack.evaluation.report import print_comparison, print_table, to_json
 
     methods = _methods(files, compare)
+    sets = _data_sets(methods)
+    if sets:
+        from handtrack.cli.data_set import report_data_sets
+
+        unfit = [name for name in ("truth", "match", "latex", *reading) if not is_default(name)]
+        if unfit:
+            raise SettingsError(
+                f"--{unfit[0].replace('_', '-')} is not for the table of a data set"
+            )
+        for path, suffix, option in ((csv, ".csv", "--csv"), (html, ".html", "--html")):
+            if path is not None:
+                check_target(path, suffix, option)
+        report_data_sets(sets, by, worst, html, csv, as_json)
+        return
+    for option in ("by", "worst"):
+        if not is_default(option):
+            raise SettingsError(f"--{option} is for the results of handtrack batch")
     read = [path for paths in methods.values() for path in paths]
     read += [] if truth is None else [truth]
     targets = ((csv, ".csv", "--csv"), (latex, ".tex", "--latex"), (html, ".html", "--html"))
@@ -112,6 +142,31 @@ def _files(
 
     wanted = ((csv, to_csv), (latex, to_latex), (html, to_html))
     return [(path, write) for path, write in wanted if path is not None]
+
+
+def _data_sets(methods: dict[str, tuple[Path, ...]]) -> dict[str, str]:
+    """The results of `handtrack batch` among what is to be measured; empty if there are none.
+
+    Raises:
+        SettingsError: recordings are given beside them, or several are of one name.
+    """
+    from handtrack.batching.data_set import is_data_set
+
+    # Path makes one slash of the two in a URL
+    places = {
+        name: [
+            str(path).replace(":/", "://", 1) if ":/" in str(path) else str(path) for path in paths
+        ]
+        for name, paths in methods.items()
+    }
+    found = [place for all_of in places.values() for place in all_of if is_data_set(place)]
+    if not found:
+        return {}
+    if any(len(all_of) > 1 for all_of in places.values()) or len(found) < len(places):
+        raise SettingsError(
+            f"{found[0]} is a whole data set: give it alone, or NAME=OUT NAME=OUT to compare two"
+        )
+    return {name: all_of[0] for name, all_of in places.items()}
 
 
 def _methods(files: tuple[str, ...], compare: bool) -> dict[str, tuple[Path, ...]]:

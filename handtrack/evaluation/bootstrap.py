@@ -201,6 +201,21 @@ def _alone(value: float) -> Uncertain:
     return Uncertain(value, float("nan"), float("nan"))
 
 
+def interval(value: float, resampled: Array, pieces: float, positive: bool = True) -> Uncertain:
+    """The interval of a value by its resamples.
+
+    Args:
+        value: of the data as they are.
+        resampled: (n,) of the resamples, NaN where one says nothing.
+        pieces: how many independent pieces were drawn from: few say little of how much they
+            differ, which makes the interval wider.
+        positive: the value cannot be below 0, and so neither can the interval.
+    """
+    if not np.isfinite(value) or np.isnan(resampled).all() or pieces < 2:
+        return _alone(value)
+    return (_by_ratio if positive else _around)(value, resampled, pieces)
+
+
 def block_length(values: ArrayLike) -> float:
     """Frames in a block of the circular block bootstrap of a series' mean.
 

@@ -149,7 +149,7 @@ def write(out: Path, size: Size) -> Path:
             (out / clip.subject).mkdir(exist_ok=True)
             WRITERS[suffix](out / path, clip)
             _npz(out / truth, clip._replace(joints=clip.truth))
-            action = ACTIONS[number % len(ACTIONS)]
+            action = ACTIONS[number // (2 * size.subjects) % len(ACTIONS)]
             table.writerow([path, clip.hand, clip.subject, FPS, truth, action])
     return manifest
 
