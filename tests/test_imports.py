@@ -15,7 +15,7 @@ FILES = sorted(p for p in PACKAGE.rglob("*.py") if not p.name.endswith("_pb2.py"
 
 ORDER = (
     *("errors", "deprecated", "read_only", "settings", "files"),
-    *("kernels", "hand", "cameras", "mcap", "sequences"),
+    *("kernels", "hand", "detectors", "cameras", "mcap", "sequences"),
     "fitting",
     *("calibration", "tracking", "recording", "viewer", "exporting", "converting"),
     *("evaluation", "video", "live", "batching"),

@@ -272,10 +272,11 @@ class Row(NamedTuple):
     steps: int
 
 
-def constants(model: HandModel) -> tuple[Array, Array, Array, Array, float]:
+def constants(model: HandModel) -> tuple[Array, Array, Array, Array, float, Array]:
     """What `frame_loop.fit_frames` takes of a model."""
     limits = model.limits
-    return model.rest_joints, model.axes, limits.lower, limits.upper, model.thumb_twist
+    bounds = limits.lower, limits.upper
+    return model.rest_joints, model.axes, *bounds, model.thumb_twist, model.landmark_offsets
 
 
 def at_noise(unit: Array, noise: Any) -> Array:

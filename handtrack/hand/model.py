@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import ModelError
+from handtrack.hand.bone_frames import palm_length
 from handtrack.hand.limits import DEFAULT_LIMITS, Limits, preset
 from handtrack.hand.skeleton import (
+    ARRIVING,
     HANDS,
     N_ANGLES,
     N_JOINTS,
     N_PARTS,
-    PALM,
     PARENTS,
     PART_JOINT,
     Hand,
@@ -69,6 +70,9 @@ class HandModel:
             betas), none where it has no such space or the hand was changed since.
         pose_blend: (V, 3, 135) how far each vertex moves at rest for each entry of R_k - I, row
             by row, of parts 1..15 (pose blend shapes, Romero et al. 2017) [m]; None without.
+        landmark_offsets: (21, 3) from each joint to the landmark that a detector gives for it, at
+            rest, in the root frame [m]; a landmark moves with the bone that arrives at its joint.
+            Zeros by default.
 
     Raises:
         ModelError: shapes do not fit, values are not finite, a bone has no length, an axis
@@ -87,6 +91,7 @@ class HandModel:
     licensed: bool = False
     shape: Array = field(default_factory=lambda: np.zeros(0))
     pose_blend: Array | None = None
+    landmark_offsets: Array = field(default_factory=lambda: np.zeros((N_JOINTS, 3)))
 
     def __post_init__(self) -> None:
         if self.hand not in HANDS:
@@ -99,6 +104,7 @@ class HandModel:
             "faces": (len(self.faces), 3),
             "weights": (n, N_PARTS),
             "shape": (np.size(self.shape),),
+            "landmark_offsets": (N_JOINTS, 3),
         }
         if self.pose_blend is not None:
             expected["pose_blend"] = (n, 3, 9 * (N_PARTS - 1))
@@ -211,9 +217,7 @@ class HandModel:
     @property
     def size(self) -> float:
         """Mean distance from the wrist to the four finger bases [m], the palm's length."""
-        return float(
-            np.linalg.norm(self.rest_joints[PALM[2:]] - self.rest_joints[0], axis=1).mean()
-        )
+        return palm_length(self.rest_joints)
 
     @cached_property
     def mean_angles(self) -> Array:
@@ -231,6 +235,7 @@ class HandModel:
             rest_joints=self.rest_joints * factor,
             rest_vertices=self.rest_vertices * factor,
             pose_blend=None if self.pose_blend is None else self.pose_blend * factor,
+            landmark_offsets=self.landmark_offsets * factor,
             shape=np.zeros(0),
         )
 
@@ -286,6 +291,23 @@ class HandModel:
             (..., 21, 3) [m], world frame.
         """
         return _place(self._placed(angles).joints, rotation, translation)
+
+    @property
+    def has_landmarks(self) -> bool:
+        """Whether landmarks lie elsewhere than joints."""
+        return bool(self.landmark_offsets.any())
+
+    def landmarks(
+        self, angles: ArrayLike, rotation: ArrayLike | None = None, translation: ArrayLike = 0.0
+    ) -> Array:
+        """Where a detector sees the joints of poses: `joints` and their `landmark_offsets`.
+
+        Args, frames and result as of `joints`.
+        """
+        placed = self._placed(angles)
+        turn = placed.parts[..., ARRIVING, :, :]
+        points = placed.joints + (turn @ self.landmark_offsets[:, :, None])[..., 0]
+        return _place(points, rotation, translation)
 
     def vertices(
         self, angles: ArrayLike, rotation: ArrayLike | None = None, translation: ArrayLike = 0.0

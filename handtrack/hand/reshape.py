@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.hand.axes import palm_frame
+from handtrack.hand.bone_frames import palm_length, rest_frames
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import PALM, PART_JOINT
 
@@ -49,6 +50,7 @@ def reshaped(
         rest_joints=new,
         axes=model.axes if axes is None else np.asarray(axes, dtype=np.float64),
         shape=np.zeros(0),
+        landmark_offsets=_offsets(model, new),
     )
     if not len(model.rest_vertices):
         return out
@@ -65,6 +67,15 @@ def reshaped(
         turn = _bone_map(old[k + 1] - old[k], new[k + 1] - new[k], size * thickness)
         moved += w[:, part : part + 1] * ((v - old[k]) @ turn.T + new[k])
     return replace(out, rest_vertices=moved)
+
+
+def _offsets(model: HandModel, new: Array) -> Array:
+    """The landmarks' offsets in the frames of the new bones, with the hand's size."""
+    if not model.has_landmarks:
+        return model.landmark_offsets
+    before, after = rest_frames(model.rest_joints, model.hand), rest_frames(new, model.hand)
+    turned = (after @ before.swapaxes(1, 2) @ model.landmark_offsets[:, :, None])[..., 0]
+    return np.asarray(turned * palm_length(new) / model.size)
 
 
 def _bone_map(before: Array, after: Array, thickness: float) -> Array:

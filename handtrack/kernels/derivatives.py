@@ -1,8 +1,8 @@
 """Gradient and Hessian of half the objective of joints in space, finger by finger.
 
-With p_a the joint that angle a turns about, u_a its axis and d_j = x_j - p_a, the Jacobian's
-columns are J_a,j = u_a x d_j for the joints j beyond (9). The root's turn is above all angles,
-with p = 0.
+With p_a the joint that angle a turns about, u_a its axis, x_j the landmarks and d_j = x_j - p_a,
+the Jacobian's columns are J_a,j = u_a x d_j for the joints j beyond (9). The root's turn is above
+all angles, with p = 0.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def weigh_joints(w, second):
         force, torque, lever, weight = ZERO, ZERO, ZERO, 0.0
         xx = yy = zz = xy = xz = yz = 0.0
         for j in range(JOINTS):
-            x, pull = lane(w.joint, j, f), w.pull[j, f]
+            x, pull = lane(w.mark, j, f), w.pull[j, f]
             r = sub(x, lane(w.seen, j, f))
             m, e, a = sub(x, scale(second, r)), scale(pull, r), scale(pull, x)
             put_lane(w.aim, j, f, m)
@@ -107,7 +107,7 @@ def gather_beyond(w, p):
     for f in range(LANES):
         torque, lever, moment = ZERO, ZERO, ZERO3
         for j in range(p + 1, JOINTS):
-            d, pull = sub(lane(w.joint, j, f), lane(w.joint, p, f)), w.pull[j, f]
+            d, pull = sub(lane(w.mark, j, f), lane(w.joint, p, f)), w.pull[j, f]
             torque = add(torque, cross(d, lane(w.force, j, f)))
             lever = add(lever, scale(pull, d))
             moment = moment_of(pull, d, lane(w.aim, j, f), moment)
@@ -170,7 +170,7 @@ def square_of_columns(w, a, p, f):
     """sum_j w_j |J_a,j|^2 of an angle that turns about joint p."""
     total = 0.0
     for j in range(p + 1, JOINTS):
-        column = cross(lane(w.axis, a, f), sub(lane(w.joint, j, f), lane(w.joint, p, f)))
+        column = cross(lane(w.axis, a, f), sub(lane(w.mark, j, f), lane(w.joint, p, f)))
         total += w.pull[j, f] * dot(column, column)
     return total
 

@@ -198,9 +198,10 @@ def finger_pass(update_saddle, update_hinge):
         p, q = w.angle[HINGE_1, f], w.angle[HINGE_2, f]
         first, second = lane(w.rest_axis, HINGE_1, f), lane(w.rest_axis, HINGE_2, f)
         b1, b2, b3 = lane(w.rest_bone, 0, f), lane(w.rest_bone, 1, f), lane(w.rest_bone, 2, f)
+        o1, o2, o3 = lane(w.rest_offset, 1, f), lane(w.rest_offset, 2, f), lane(w.rest_offset, 3, f)
         c, s = math.cos(p), math.sin(p)
-        a2 = add(b1, rotate(first, c, s, b2))
-        a3 = add(b2, rotate(second, math.cos(q), math.sin(q), b3))
+        a1, a2 = add(b1, o1), add(b1, rotate(first, c, s, add(b2, o2)))
+        a3 = add(b2, rotate(second, math.cos(q), math.sin(q), add(b3, o3)))
         a3 = add(b1, rotate(first, c, s, a3))
         targets = (
             sub(lane(w.seen, 1, f), x),
@@ -209,7 +210,7 @@ def finger_pass(update_saddle, update_hinge):
         )
         nz, ny = lane(w.rest_axis, FLEXION, f), lane(w.rest_axis, ABDUCTION, f)
         z, y = w.angle[FLEXION, f], w.angle[ABDUCTION, f]
-        z, y = update_saddle(nz, ny, pulls, targets, (b1, a2, a3), z, y, saddle_limits(w, f))
+        z, y = update_saddle(nz, ny, pulls, targets, (a1, a2, a3), z, y, saddle_limits(w, f))
         w.angle[FLEXION, f], w.angle[ABDUCTION, f] = z, y
 
     @inline
@@ -220,18 +221,20 @@ def finger_pass(update_saddle, update_hinge):
         b1, b2, b3 = lane(w.rest_bone, 0, f), lane(w.rest_bone, 1, f), lane(w.rest_bone, 2, f)
         b1 = rotate(lane(w.rest_axis, ABDUCTION, f), math.cos(y), math.sin(y), b1)
         b1 = rotate(lane(w.rest_axis, FLEXION, f), math.cos(z), math.sin(z), b1)
+        o2, o3 = lane(w.rest_offset, 2, f), lane(w.rest_offset, 3, f)
         x = add(lane(w.joint, BASE, f), b1)
         t2, t3 = seen_from_saddle(w, f, 2, x), seen_from_saddle(w, f, 3, x)
         p, q = w.angle[HINGE_1, f], w.angle[HINGE_2, f]
-        a3 = add(b2, rotate(second, math.cos(q), math.sin(q), b3))
+        e3 = add(b3, o3)
+        a2, a3 = add(b2, o2), add(b2, rotate(second, math.cos(q), math.sin(q), e3))
         pulls, low, up = (w.pull[2, f], w.pull[3, f]), w.lower[HINGE_1, f], w.upper[HINGE_1, f]
-        p = update_hinge(first, pulls, (t2, t3), (b2, a3), low, up, p)
+        p = update_hinge(first, pulls, (t2, t3), (a2, a3), low, up, p)
         w.angle[HINGE_1, f] = p
         if pulls[1] <= 0.0:
             return
         t3 = sub(rotate(first, math.cos(p), -math.sin(p), t3), b2)
         low, up = w.lower[HINGE_2, f], w.upper[HINGE_2, f]
-        q = update_hinge(second, (pulls[1], 0.0), (t3, t3), (b3, b3), low, up, q)
+        q = update_hinge(second, (pulls[1], 0.0), (t3, t3), (e3, e3), low, up, q)
         w.angle[HINGE_2, f] = q
 
     @inline
@@ -247,19 +250,19 @@ def finger_pass(update_saddle, update_hinge):
 
 @inline
 def update_root(w):
-    """The best rigid transform of the placed joints onto the targets (Kabsch, barycentres)."""
+    """The best rigid transform of the placed landmarks onto the targets (Kabsch, barycentres)."""
     total, x0, y0 = 0.0, ZERO, ZERO
     for j in range(JOINTS):
         for f in range(FINGERS + 1):
             pull = w.pull[j, f]
             total += pull
-            x0 = add(x0, scale(pull, lane(w.joint, j, f)))
+            x0 = add(x0, scale(pull, lane(w.mark, j, f)))
             y0 = add(y0, scale(pull, lane(w.target, j, f)))
     x0, y0 = scale(1.0 / total, x0), scale(1.0 / total, y0)
     m = ZERO3
     for j in range(JOINTS):
         for f in range(FINGERS + 1):
-            y, x = sub(lane(w.target, j, f), y0), sub(lane(w.joint, j, f), x0)
+            y, x = sub(lane(w.target, j, f), y0), sub(lane(w.mark, j, f), x0)
             m = outer_sum(m, w.pull[j, f], y, x)
     r = procrustes(m)
     for i in range(3):

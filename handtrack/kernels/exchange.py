@@ -10,16 +10,33 @@ from handtrack.kernels.workspace import ANGLES, BASE, BONES, FINGERS, JOINTS, WR
 
 
 @inline
-def load_model(w, rest, axes, lower, upper, twist):
+def load_model(w, model):
     """Write a model's constants into a workspace of zeros.
 
     Args:
-        rest: (21, 3) [m]; axes: (20, 3); lower, upper: (20,) [rad]; twist: of the thumb.
+        model: rest joints (21, 3) [m], axes (20, 3), lower and upper limits (20,) [rad], twist of
+            the thumb, landmarks from their joints at rest (21, 3) [m].
     """
+    rest, axes, lower, upper, twist, offsets = model
     load_skeleton(w, rest, axes, twist)
+    load_offsets(w, offsets)
     for f in range(FINGERS):
         for a in range(ANGLES):
             w.lower[a, f], w.upper[a, f] = lower[4 * f + a], upper[4 * f + a]
+
+
+@inline
+def load_offsets(w, offsets):
+    w.offset = 0
+    for f in range(FINGERS + 1):
+        for j in range(JOINTS):
+            k = 0 if f == WRIST else 4 * f + 1 + j
+            for i in range(3):
+                v = offsets[k, i] if f < WRIST or j == BASE else 0.0
+                w.rest_offset[j, i, f] = v
+                w.mark[j, i, f] = w.joint[j, i, f] + v
+                if v != 0.0:
+                    w.offset = 1
 
 
 @inline

@@ -29,8 +29,7 @@ def store_row(w, solver, pose, angles, root, out):
 @inline
 def load_hand(w, hand, settings):
     """The hand and the loss into a workspace of zeros."""
-    rest, axes, lower, upper, twist = hand
-    load_model(w, rest, axes, lower, upper, twist)
+    load_model(w, hand)
     w.loss, w.spread2 = settings[6], settings[7]
 
 

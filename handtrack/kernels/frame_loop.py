@@ -18,11 +18,23 @@ from handtrack.kernels.exchange import (
     store_joints,
     store_pose,
 )
-from handtrack.kernels.vectors import add, distance2, matrix, quaternion, row, scale, sub
+from handtrack.kernels.vectors import (
+    add,
+    apply,
+    distance2,
+    lane,
+    matrix,
+    part,
+    quaternion,
+    row,
+    scale,
+    sub,
+)
 from handtrack.kernels.workspace import (
     ANGLES,
     CONVERGED,
     FINGERS,
+    JOINTS,
     N_ANGLES,
     N_POSE,
     PAIR,
@@ -43,8 +55,8 @@ COLD_GAIN, WARM_GAIN = 1e-9, 0.1
 
 # a frame's row of results: angles, rotation, translation, quaternion, joints, objective, noise
 # (variance per coordinate), joints seen, state, sweeps, steps, variances of the angles, the
-# greatest distance of a joint to its fitted one; 1 where what was before means nothing (which is
-# for others to say), else 0
+# greatest distance of a joint to its fitted landmark; 1 where what was before means nothing (which
+# is for others to say), else 0
 OUT_ANGLES, OUT_ROOT, OUT_SHIFT, OUT_QUATERNION, OUT_JOINTS, OUT_OBJECTIVE = 0, 20, 29, 32, 36, 99
 OUT_NOISE, OUT_SEEN, OUT_STATE, OUT_SWEEPS, OUT_STEPS, OUT_VARIANCE = range(100, 106)
 OUT_WORST = OUT_VARIANCE + 20
@@ -107,8 +119,7 @@ def clean(targets, weights):
 @inline
 def load_settings(w, model, contacts, settings, full):
     """What holds for all frames: the hand, pairs that may meet, how a frame is solved."""
-    rest, axes, lower, upper, twist = model
-    load_model(w, rest, axes, lower, upper, twist)
+    load_model(w, model)
     w.contacts = len(contacts)
     for i in range(len(contacts)):
         for j in range(PAIR):
@@ -201,12 +212,14 @@ def try_other_bends(w, solvers, warm, best, best_angles, best_root):
 
 
 @inline
-def greatest_distance(joints, targets, weights):
-    """Greatest distance of a seen joint to its fitted one."""
-    worst = 0.0
-    for k in range(21):
-        if weights[k] > 0.0:
-            worst = max(worst, distance2(row(joints, k), row(targets, k)))
+def greatest_distance(w):
+    """Greatest distance of a seen landmark to its fitted one, of the placed pose."""
+    r, t, worst = matrix(w.rotation), part(w.translation, 0), 0.0
+    for f in range(FINGERS + 1):
+        for j in range(JOINTS):
+            if w.weight[j, f] > 0.0:
+                x = add(apply(r, lane(w.mark, j, f)), t)
+                worst = max(worst, distance2(x, lane(w.target, j, f)))
     return math.sqrt(worst)
 
 
@@ -276,8 +289,7 @@ def fit_in(
         store_pose(w, angles, root)
         call(covariance, w)
         store_pose_row(w, angles, root, out[t])
-        joints = out[t, OUT_JOINTS:OUT_OBJECTIVE].reshape(21, 3)
-        out[t, OUT_WORST] = greatest_distance(joints, targets[t], weights[t])
+        out[t, OUT_WORST] = greatest_distance(w)
         state = UNDERDETERMINED if line else state
         store_results(w, out[t], best, top, known, seen, state)
         if full:
@@ -294,7 +306,7 @@ def fit_frames(
     """Fit frame after frame, each from the one before.
 
     Args:
-        model: (rest joints (21, 3), axes (20, 3), lower (20,), upper (20,), twist).
+        model: as `load_model` takes it.
         contacts: (P, 5) pairs of capsules (see `hand.capsules.contacts`); (0, 5) for none.
         solvers: addresses of Algorithm 1, of the Newton steps (0: Algorithm 1 alone), of the
             fingers' other bends (0: none are tried), of `move_apart` (0: nothing is) and of the

@@ -175,7 +175,7 @@ def fit_views(
     """Fit frames to what cameras see, each from its own start, which is overwritten.
 
     Args:
-        hand: (rest joints (21, 3), axes (20, 3), lower (20,), upper (20,), twist).
+        hand: as `load_model` takes it.
         cameras: (C, 25); pixels: (T, C, 21, 2); weights: (T, C, 21), 0 where not seen.
         spread: distance at which the loss bends from square to linear [px]; 0: never.
         prior: (T, 20) angles; stiffness: (20,) [px^2/rad^2] of the pull towards them.
@@ -185,8 +185,7 @@ def fit_views(
             covariance (T, 26, 26) at unit noise, by angles, omega and v on the active faces.
     """
     works = np.zeros(1, dtype=WORK)
-    rest, axes, lower, upper, twist = hand
-    load_model(works[0], rest, axes, lower, upper, twist)
+    load_model(works[0], hand)
     fit_views_in(
         works, cameras, pixels, weights, spread, prior, stiffness, starts, roots, settings, out
     )

@@ -84,9 +84,35 @@ def place_fingers(w):
             w.along[i, f] = e[i]
         x = add(lane(w.joint, BASE, f), base_bone)
         put_lane(w.joint, 1, f, x)
+        put_lane(w.mark, 1, f, x)
         x = add(x, middle_bone)
         put_lane(w.joint, 2, f, x)
-        put_lane(w.joint, 3, f, add(x, tip_bone))
+        put_lane(w.mark, 2, f, x)
+        x = add(x, tip_bone)
+        put_lane(w.joint, 3, f, x)
+        put_lane(w.mark, 3, f, x)
+
+
+@inline
+def place_marks(w):
+    """Landmarks l_j = x_j + A_p o_j, with p the bone that arrives at joint j.
+
+    `place_fingers` has left the joints there, and those of the bases never move.
+    """
+    if w.offset:
+        for f in range(FINGERS):
+            move_marks(w, f)
+
+
+@inline
+def move_marks(w, f):
+    z, y, inner, first, second = rotations_of(w, f)
+    middle = about(first, lane(w.rest_offset, 2, f))
+    tip = about(first, about(second, lane(w.rest_offset, 3, f)))
+    moved = lane(w.rest_offset, 1, f), middle, tip
+    for j in range(BONES):
+        o = about(z, about(y, about(inner, moved[j])))
+        put_lane(w.mark, 1 + j, f, add(lane(w.mark, 1 + j, f), o))
 
 
 @inline

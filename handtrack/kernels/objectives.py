@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from handtrack.kernels.compiled import inline
-from handtrack.kernels.kinematics import place_fingers
+from handtrack.kernels.kinematics import place_fingers, place_marks
 from handtrack.kernels.vectors import apply_transposed, distance2, lane, matrix, part, put_lane, sub
 from handtrack.kernels.workspace import FINGERS, HUBER, JOINTS, LANES, NO_LOSS
 
@@ -21,7 +21,8 @@ def place(w):
     distance at which it bends [m^2].
     """
     place_fingers(w)
-    # (7) y_j = R^T (target - t); the objective is sum_j w_j |x_j - y_j|^2
+    place_marks(w)
+    # (7) y_j = R^T (target - t); the objective is sum_j w_j |l_j - y_j|^2
     r, t = matrix(w.rotation), part(w.translation, 0)
     for f in range(LANES):
         cost = 0.0
@@ -30,7 +31,7 @@ def place(w):
             put_lane(w.seen, j, f, y)
             weight = w.weight[j, f]
             w.pull[j, f] = weight
-            cost += weight * distance2(lane(w.joint, j, f), y)
+            cost += weight * distance2(lane(w.mark, j, f), y)
         w.cost[f] = cost
     if w.loss != NO_LOSS:
         soften(w)
@@ -51,7 +52,7 @@ def soften(w):
     for f in range(FINGERS + 1):
         w.cost[f] = 0.0
         for j in range(JOINTS):
-            q = distance2(lane(w.joint, j, f), lane(w.seen, j, f))
+            q = distance2(lane(w.mark, j, f), lane(w.seen, j, f))
             weight = w.weight[j, f]
             if w.loss == HUBER:
                 slope = math.sqrt(spread2 / q) if q > spread2 else 1.0

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from handtrack.kernels.compiled import inline
-from handtrack.kernels.kinematics import place_fingers
+from handtrack.kernels.kinematics import place_fingers, place_marks
 from handtrack.kernels.lens import view
 from handtrack.kernels.vectors import (
     add,
@@ -47,11 +47,12 @@ def weigh_pixels(w, seen):
     """
     cameras, pixels, weights, spread2, prior, stiffness = seen
     place_fingers(w)
+    place_marks(w)
     total = 0.0
     r, t = matrix(w.rotation), part(w.translation, 0)
     for k in range(_JOINTS):
         f, j = finger_of(k)
-        p = add(apply(r, lane(w.joint, j, f)), t)
+        p = add(apply(r, lane(w.mark, j, f)), t)
         for c in range(len(cameras)):
             weight = weights[c, k]
             if weight > 0.0:
@@ -72,7 +73,7 @@ def picture_rows(w, f, j, du, dv, rows):
     (29) By an angle du . (u_a x (x - p_a)); by the root's turn x x du, by its shift du; du and dv
     are in the root frame.
     """
-    x = lane(w.joint, j, f)
+    x = lane(w.mark, j, f)
     n = 0 if j == 0 else 1 + j
     for a in range(n):
         arm = cross(lane(w.axis, a, f), sub(x, lane(w.joint, max(a - 1, 0), f)))
@@ -108,7 +109,7 @@ def differentiate_pixels(w, seen, g, h):
     r, t = matrix(w.rotation), part(w.translation, 0)
     for k in range(_JOINTS):
         f, j = finger_of(k)
-        p = add(apply(r, lane(w.joint, j, f)), t)
+        p = add(apply(r, lane(w.mark, j, f)), t)
         for c in range(len(cameras)):
             weight = weights[c, k]
             if not weight > 0.0:

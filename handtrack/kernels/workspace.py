@@ -47,6 +47,9 @@ _FIELDS: list[tuple[str, str, tuple[int, ...]]] = [
     ("lower", "f8", (ANGLES, LANES)),
     ("upper", "f8", (ANGLES, LANES)),
     ("twist", "f8", (LANES,)),
+    # landmarks from their joints at rest, and whether there are any
+    ("rest_offset", "f8", (JOINTS, _XYZ, LANES)),
+    ("offset", "i8", ()),
     # the frame: weights w_j and targets in the world
     ("weight", "f8", (JOINTS, LANES)),
     ("target", "f8", (JOINTS, _XYZ, LANES)),
@@ -56,6 +59,8 @@ _FIELDS: list[tuple[str, str, tuple[int, ...]]] = [
     ("translation", "f8", (_XYZ,)),
     # what follows from it: joints x_j (the bases never move), axes u_a, the first bone
     ("joint", "f8", (JOINTS, _XYZ, LANES)),
+    # landmarks l_j, which the targets are of: the joints, or beside them
+    ("mark", "f8", (JOINTS, _XYZ, LANES)),
     ("axis", "f8", (ANGLES, _XYZ, LANES)),
     ("along", "f8", (_XYZ, LANES)),
     # targets y_j; weights under the loss; each finger's part of the objective

@@ -22,8 +22,8 @@ Array = np.ndarray
 
 
 @njit
-def load(works, rest, axes, lower, upper, twist, targets, weights, angles, root):
-    exchange.load_model(works[0], rest, axes, lower, upper, twist)
+def load(works, model, targets, weights, angles, root):
+    exchange.load_model(works[0], model)
     exchange.load_frame(works[0], targets, weights, 1.0)
     exchange.load_pose(works[0], angles, root)
 
@@ -113,11 +113,14 @@ def loaded(model: HandModel, joints, weights, angles, rotation, translation, twi
     weights = np.where(np.isnan(joints).any(-1), 0.0, weights)
     load(
         works,
-        np.array(model.rest_joints),
-        np.array(model.axes),
-        np.array(model.limits.lower),
-        np.array(model.limits.upper),
-        twist,
+        (
+            np.array(model.rest_joints),
+            np.array(model.axes),
+            np.array(model.limits.lower),
+            np.array(model.limits.upper),
+            twist,
+            np.array(model.landmark_offsets),
+        ),
         np.nan_to_num(joints),
         weights,
         np.array(angles),
