@@ -104,14 +104,15 @@ def _parsed(content: Any, path: Path) -> Profile:
         field: _rows(said.get(name), f"noise.{name}", path) / (_MM if name.endswith("mm") else 1.0)
         for name, field in _ROWS.items()
     }
-    numbers = {name: _number(said.get(name), f"noise.{name}", path) for name in _NUMBERS}
+    told: dict[str, Any] = dict(rows)
+    told |= {name: _number(said.get(name), f"noise.{name}", path) for name in _NUMBERS}
     try:
         return Profile(
             name=shown(content.get("name", path.stem), 80),
             detector=shown(content.get("detector", ""), 80),
             input=shown(content.get("input"), 80),
             offsets=_rows(content.get("offsets"), "offsets", path),
-            noise=Noise(**rows, **numbers),
+            noise=Noise(**told),
             evidence=_object(content.get("evidence", {}), "evidence", path),
         )
     except InputError as error:
