@@ -1,0 +1,75 @@
+"""Sphinx's settings. `python -m tools.docs.build` runs it on a copy with the generated pages."""
+
+from __future__ import annotations
+
+import os
+
+from handtrack import __version__
+
+project = "handtrack"
+author = "the handtrack developers"
+copyright = "2026, the handtrack developers"
+version = release = __version__
+
+extensions = [
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.intersphinx",
+    "sphinx.ext.mathjax",
+    "sphinx_copybutton",
+    "sphinx_design",
+    "sphinx_gallery.gen_gallery",
+    "myst_nb",
+]
+source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb", ".rst": "restructuredtext"}
+exclude_patterns = ["gallery/*.py", "**/README.*", "**/*.ipynb.py"]
+
+html_theme = "furo"
+html_title = f"handtrack {__version__}"
+html_static_path: list[str] = []
+html_theme_options = {"navigation_with_keys": True}
+html_show_sphinx = False
+
+myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist", "attrs_inline"]
+myst_heading_anchors = 3
+
+# notebooks run when the site is built, so that nothing in them can be out of date
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 240
+nb_merge_streams = True
+
+sphinx_gallery_conf = {
+    "examples_dirs": "gallery",
+    "gallery_dirs": "examples",
+    "filename_pattern": r"/show_",
+    "ignore_pattern": r"__init__\.py",
+    "download_all_examples": False,
+    "show_memory": False,
+    "show_signature": False,
+    "min_reported_time": 1e9,
+    "write_computation_times": False,
+    "abort_on_example_error": True,
+    "remove_config_comments": True,
+}
+
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented"
+autodoc_typehints_format = "short"
+autodoc_member_order = "bysource"
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+napoleon_use_ivar = True
+default_role = "py:obj"
+python_use_unqualified_type_names = True
+
+# links into other projects' references need the network: asked for, never needed
+intersphinx_mapping = (
+    {
+        "python": ("https://docs.python.org/3", None),
+        "numpy": ("https://numpy.org/doc/stable", None),
+        "scipy": ("https://docs.scipy.org/doc/scipy", None),
+    }
+    if os.environ.get("HANDTRACK_DOCS_INTERSPHINX")
+    else {}
+)

@@ -1,0 +1,95 @@
+"""Tables of what was measured, from the numbers that the tools wrote."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tools.docs.generated import numbers, table
+
+OURS = "ours"
+
+
+def tables() -> dict[str, str]:
+    """All of them: name -> text."""
+    return {
+        "sample_numbers": sample(),
+        "steadying": steadying(),
+        "methods": methods(),
+        **performance(),
+    }
+
+
+def sample() -> str:
+    """The sample by each filter, against its truth."""
+    found = numbers("sample")
+    rows = []
+    for row in found["rows"]:
+        error = f"{row['pa_mpjpe_mm']:.2f} ± {row['std_mm']:.2f}"
+        lost = "–" if row["lost"] is None else str(row["lost"])
+        rows.append([row["what"], error, f"{row['jitter_m_s3']:.0f}", row["later"], lost])
+    head = ["", "PA-MPJPE, mm", "jitter, m/s³", "comes later by", "frames without a hand"]
+    return table(head, rows)
+
+
+def steadying() -> str:
+    """Mean distance to the clean joints with white noise added, and the jitter's multiple."""
+    rows = [row for row in numbers("steadying")["overall"] if row["faults"] == "none"]
+    levels = sorted({row["noise_mm"] for row in rows})
+    methods = list(dict.fromkeys(row["method"] for row in rows))
+    out = []
+    for method in methods:
+        cells = [method]
+        for level in levels:
+            some = [r for r in rows if r["method"] == method and r["noise_mm"] == level]
+            error = sum(r["error_mm"] for r in some) / len(some)
+            jitter = sum(r["jitter_ratio"] for r in some) / len(some)
+            cells.append(f"{error:.2f} ({jitter:.1f})")
+        out.append(cells)
+    return table(["noise", *(f"{level:g} mm" for level in levels)], out)
+
+
+def methods() -> str:
+    """Sequences by the paper's method, ours, each filter and the baselines."""
+    found = numbers("methods")
+    names = list(found[0]["methods"])
+    rows = []
+    for one in found:
+        first = one["methods"][names[0]]
+        cells = [one["sequence"], str(first["frames"]), first["against"]]
+        rows.append([*cells, *(_method_cell(one["methods"][name]) for name in names)])
+    return table(["sequence", "frames", "against", *names], rows)
+
+
+def _method_cell(row: dict[str, Any]) -> str:
+    error = row["pa_mpjpe_mm"]
+    if error["mean"] is None or error["mean"] != error["mean"]:
+        return "–"
+    return f"{error['mean']:.2f} ± {error['std']:.2f} ({row['jitter_m_s3']:.3g})"
+
+
+def performance() -> dict[str, str]:
+    """Every table of the benchmark, and the machine it ran on."""
+    found = numbers("performance")
+    out = {}
+    for part, its_tables in found.items():
+        if part in ("machine", "quick", "limits"):
+            continue
+        text = ""
+        for title, rows in its_tables.items():
+            head = list(dict.fromkeys(key for row in rows for key in row))
+            cells = [[_number(row.get(key, "")) for key in head] for row in rows]
+            text += f"**{title[0].upper()}{title[1:]}**\n\n{table(head, cells)}\n"
+        out[f"performance_{part}"] = text
+    machine = found["machine"]
+    versions = ", ".join(f"{name} {number}" for name, number in machine["versions"].items())
+    load = f"load {machine['load']} when it began"
+    out["performance_machine"] = (
+        f"{machine['cpu']}, {machine['cores']} cores, {load}; {versions}; limits {found['limits']}.\n"
+    )
+    return out
+
+
+def _number(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}" if abs(value) < 1e4 else f"{value:,.0f}"
+    return str(value)
