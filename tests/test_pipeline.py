@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
-import shutil
 import time
 import warnings
 from dataclasses import fields, replace
@@ -14,8 +12,7 @@ import numpy as np
 import pytest
 
 import handtrack as ht
-from handtrack.cli import COMMANDS, run
-from tools.make import mano_like as make_mano_like
+from handtrack.cli import run
 from tools.make import panoptic as make_panoptic
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -207,41 +204,6 @@ def test_the_viewer_draws_the_hand_and_the_plots(screen, sample, tmp_path):
             skin, curves = seen()
         assert (skin > 0.03) if there else (skin < 0.003)
     assert curves > 0.01
-
-
-def test_the_readme_is_true(sample_file, tmp_path, monkeypatch, capsys):
-    """Its Python runs, its commands have the options that it names, its links lead somewhere."""
-    text = (ROOT / "README.md").read_text()
-    (tmp_path / "recordings").mkdir()
-    shutil.copy(sample_file, tmp_path / "recordings")
-    monkeypatch.chdir(tmp_path)
-    mano = tmp_path / "models" / "mano" / "MANO_RIGHT.pkl"
-    mano.parent.mkdir(parents=True)
-    with mano.open("wb") as file:  # the reader has MANO; we have a free stand-in
-        make_mano_like.write_pickle(make_mano_like.make_mano_like("right"), file)
-    names: dict[str, object] = {}
-    for example in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
-        exec(example, names)
-    assert len(names["frame"].angles) == 20
-    assert (tmp_path / "run.rrd").stat().st_size > 1_000_000
-
-    capsys.readouterr()
-    helped = {}
-    for command in COMMANDS:
-        run([command, "--help"])
-        helped[command] = capsys.readouterr().out
-    for line in re.findall(r"^\$ handtrack (.*?)(?: {2,}#.*)?$", text, re.MULTILINE):
-        command, *arguments = line.split()
-        for option in (a for a in arguments if a.startswith("-")):
-            assert re.search(rf"(^|[ ,]){option}\b", helped[command]), line
-    for option in set(re.findall(r"`(--[a-z-]+)", text)):
-        assert any(option in help for help in helped.values()), option
-    for link in re.findall(r"\]\(([^):]+)\)", text):
-        assert (ROOT / link).is_file(), link
-    everything = ht.write_mcap(names["track"], tmp_path / "all.mcap", foxglove_mesh=True)
-    for topic in set(re.findall(r"`/right/(\w+)`", text)):
-        assert topic in topics_written(everything), topic
-    assert (ROOT / "recordings" / "viewer.png").stat().st_size < 300_000
 
 
 def topics_written(path: Path) -> set[str]:

@@ -131,7 +131,9 @@ def calibrate(
                 f"the model is a {model.hand} hand, the sequence a {sequence.hand} one",
                 sequence.source or None,
             )
-    materials = [Material.of(sequence) for sequence in given]
+    # sizes and medians are taken of the joints as seen
+    smooth = method not in ("scale", "proportions")
+    materials = [Material.of(sequence, smooth) for sequence in given]
     noise = float(np.sqrt(np.mean([m.noise**2 for m in materials])))
     joints = np.concatenate([sequence.joints for sequence in given])
     found = proportions(model, joints, noise, given[0].source)

@@ -22,7 +22,7 @@ _OF_A_CAMERA = ("matrix", "rotation", "translation", "distortions")
 _PIXELS, _FAR, _TURNS, _LONGEST = 100_000, 1e9, 100.0, 200
 
 
-def load_cameras(path: Path, unit: str | None = None) -> list[Camera]:
+def load_cameras(path: str | Path, unit: str | None = None) -> list[Camera]:
     """The cameras of a calibration file, or of the files of a folder in order of name.
 
     Understood are
@@ -40,6 +40,7 @@ def load_cameras(path: Path, unit: str | None = None) -> list[Camera]:
     Raises:
         InputError: nothing there, not one of these, or a camera that is inconsistent.
     """
+    path = Path(path)
     if path.is_dir():
         files = sorted(p for p in path.iterdir() if p.suffix in (".yml", ".yaml", ".json", ".toml"))
         if not files:

@@ -156,6 +156,13 @@ def differences(a: Sequence[Track], b: Sequence[Track]) -> list[Difference]:
 
     Hands belong together by name and side, else by side, where only one is of that side.
 
+    Args:
+        a: the hands of one recording, as `read_mcap` gives them.
+        b: those of the other.
+
+    Returns:
+        One difference for each hand, in the order of `a`.
+
     Raises:
         InputError: a hand has no counterpart, or as `difference`.
     """

@@ -43,6 +43,12 @@ def stability(
     numbers, which must mean one thing, are against the observed joints of all. A Sequence is
     measured as it is, against the truth it holds, else against nothing.
 
+    Args:
+        tracks: one or several: tracks, joint sequences, or joints of another method.
+
+    Returns:
+        The numbers of each, and of all frames together (`overall`).
+
     Raises:
         InputError: there is no track.
     """

@@ -62,15 +62,15 @@ def export(
 ) -> list[Exported]:
     """Write tracks for other programs, in the format that the file's ending names.
 
-    ====== ==================================================================================
-    .csv   a line for each frame: angles [deg], joints and errors [mm], status; see `columns`
+    ======== ================================================================================
+    .csv     a line for each frame: angles [deg], joints and errors [mm], status; see `columns`
     .parquet the same columns, in full precision
-    .npz   all arrays, with units in their names; see `arrays`
-    .bvh   a skeleton with fingers and its motion; see `write_bvh`
-    .glb   skinned hands with an animation, all hands in one file; see `write_glb`
-    .urdf  the hand as a robot with meshes and joints over time; see `write_robot`
-    .xml   the same for MuJoCo (MJCF), or .mjcf
-    ====== ==================================================================================
+    .npz     all arrays, with units in their names; see `arrays`
+    .bvh     a skeleton with fingers and its motion; see `write_bvh`
+    .glb     skinned hands with an animation, all hands in one file; see `write_glb`
+    .urdf    the hand as a robot with meshes and joints over time; see `write_robot`
+    .xml     the same for MuJoCo (MJCF), or .mjcf
+    ======== ================================================================================
 
     Of several hands each gets a file of its own, NAME_right.csv and NAME_left.csv, but for
     .glb. Files appear whole or not at all.

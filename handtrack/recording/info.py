@@ -23,6 +23,9 @@ def info(path: str | Path) -> dict[str, Any]:
     few milliseconds whatever its size. Where they are missing (a stopped writer, format version
     1) all of it is read.
 
+    Args:
+        path: the recording, or the part of one that is being written.
+
     Returns:
         path, size (bytes), complete, format_version, version (of handtrack), compression, mesh,
         chunks, note (what is wrong, or ""), topics (topic -> schema, messages, bytes before

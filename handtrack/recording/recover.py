@@ -40,6 +40,13 @@ def recover(source: str | Path, target: str | Path) -> Recovered:
 
     Messages of all topics are copied as they are, in bounded memory.
 
+    Args:
+        source: the broken recording; it stays as it is.
+        target: the file to write.
+
+    Returns:
+        How much was kept, and what was wrong.
+
     Raises:
         InputError: the source can't be read, is no recording, or no frame of it is whole; the
             target's folder is missing, or the target is the source.

@@ -79,6 +79,9 @@ def load(
             left-handed (Unity, Unreal); hands keep their names.
         max_size: bytes of one file that are read, and that an archive may unpack to: a number,
             or as in "16GB"; by default 4 GB, and less of what unpacks to many times its size.
+        profile: UmeTrack's description of a hand, which makes joints of its angles.
+        trajectory: where Project Aria's device was, which brings its hands into the world.
+        markers: a file that says which marker of a motion capture file is which joint.
 
     Returns:
         At least one sequence, in order of path, person and hand, with different names.

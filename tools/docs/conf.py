@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
 from handtrack import __version__
+from tools.docs.docstrings import restructured, short_types
 
 project = "handtrack"
 author = "the handtrack developers"
@@ -22,7 +24,7 @@ extensions = [
     "myst_nb",
 ]
 source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb", ".rst": "restructuredtext"}
-exclude_patterns = ["gallery/*.py", "**/README.*", "**/*.ipynb.py"]
+exclude_patterns = ["gallery/*", "generated/*", "examples/*.ipynb", "examples/*.md"]
 
 html_theme = "furo"
 html_title = f"handtrack {__version__}"
@@ -53,13 +55,14 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
 }
 
-autodoc_typehints = "description"
-autodoc_typehints_description_target = "documented"
+autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
+maximum_signature_line_length = 88
 autodoc_member_order = "bysource"
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
+napoleon_attr_annotations = False  # the docstrings say shapes and units
 default_role = "py:obj"
 python_use_unqualified_type_names = True
 
@@ -73,3 +76,25 @@ intersphinx_mapping = (
     if os.environ.get("HANDTRACK_DOCS_INTERSPHINX")
     else {}
 )
+
+
+def setup(app: Any) -> None:
+    """Our docstrings are plain text; Sphinx reads reStructuredText."""
+    app.connect("autodoc-process-docstring", _plain, priority=400)
+    app.connect("autodoc-process-signature", _short)
+
+
+def _plain(app: Any, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
+    lines[:] = restructured(lines)
+
+
+def _short(
+    app: Any,
+    what: str,
+    name: str,
+    value: Any,
+    options: Any,
+    signature: str | None,
+    gives: str | None,
+) -> tuple[str | None, str | None]:
+    return short_types(signature), short_types(gives)

@@ -147,8 +147,8 @@ def _reference_index() -> str:
     for title, names in groups().items():
         links = ", ".join(f"{{py:obj}}`~handtrack.{name}`" for name in names)
         lines.append(f"- [{title}]({slug(title)}.md): {links}")
-    names = "\n".join(slug(title) for title in groups())
-    return "\n\n".join(lines) + f"\n\n```{{toctree}}\n:hidden:\n\n{names}\n```\n"
+    contents = "\n".join(slug(title) for title in groups())
+    return "\n\n".join(lines) + f"\n\n```{{toctree}}\n:hidden:\n\n{contents}\n```\n"
 
 
 def _group_page(title: str, names: list[str]) -> str:

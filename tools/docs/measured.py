@@ -82,9 +82,9 @@ def performance() -> dict[str, str]:
         out[f"performance_{part}"] = text
     machine = found["machine"]
     versions = ", ".join(f"{name} {number}" for name, number in machine["versions"].items())
-    load = f"load {machine['load']} when it began"
+    began = f"load {machine['load']} when it began; {versions}"
     out["performance_machine"] = (
-        f"{machine['cpu']}, {machine['cores']} cores, {load}; {versions}; limits {found['limits']}.\n"
+        f"{machine['cpu']}, {machine['cores']} cores, {began}; limits {found['limits']}.\n"
     )
     return out
 

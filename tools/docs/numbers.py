@@ -1,6 +1,6 @@
 """Measure the sample that ships with the project, for the README's table of numbers.
 
-    python -m tools.docs.numbers [OUT.json]
+python -m tools.docs.numbers [OUT.json]
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from handtrack.evaluation.results import Spread
 
 ROOT = Path(__file__).resolve().parents[2]
 KEPT = Path(__file__).resolve().parent / "numbers" / "sample.json"
-FILTERS = {
+FILTERS: dict[str, tuple[dict[str, Any], str]] = {
     "fit, frame by frame": ({"filter": "none"}, "–"),
     "fit + `kalman`": ({"filter": "kalman"}, "–"),
     "fit + `fixed-lag`": ({"filter": "fixed-lag"}, "2 frames"),
@@ -28,7 +28,7 @@ FILTERS = {
 def measure() -> dict[str, Any]:
     """The sample's input and output against its truth, by each filter."""
     (sequence,) = ht.load(ROOT / "recordings" / "sample.npz")
-    rows = []
+    rows: list[dict[str, Any]] = []
     for what, (settings, later) in FILTERS.items():
         row = ht.stability(ht.track(sequence, **settings)).overall
         if not rows:

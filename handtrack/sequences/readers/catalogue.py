@@ -1,6 +1,7 @@
 """What is read: one record for each format, from which the tables of the documents are made.
 
-A reader of a new source adds its record here.
+A reader of a new source adds its record here; `python -m tools.docs.readme` then puts it into the
+README.
 """
 
 from __future__ import annotations

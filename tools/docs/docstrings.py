@@ -1,0 +1,63 @@
+"""Docstrings are plain text with Google's sections; this makes reStructuredText of them."""
+
+from __future__ import annotations
+
+import re
+
+_SECTION = re.compile(r"[A-Z]\w+:$")
+_ARRAY = re.compile(
+    r"~?numpy\.ndarray\[tuple\[~?(?:typing\.)?Any, \.\.\.\], ~?numpy\.dtype\[~?numpy\.(\w+?)_?\]\]"
+)
+_LONG = re.compile(r"~(?:\w+\.)*(\w+)")
+_SEVERAL = re.compile(r"(\s+)(\w+(?:, \w+)+):(.*)")
+_ITEM = re.compile(r"\s*(- |\d+\. )")
+
+
+def restructured(lines: list[str]) -> list[str]:
+    """The lines with norms |x| kept, lists set off, and indented formulas as they stand."""
+    end = next((i for i, line in enumerate(lines) if _SECTION.match(line)), len(lines))
+    out: list[str] = []
+    block = in_list = False
+    for line in lines[:end]:
+        before = out[-1] if out else ""
+        if not line.strip():
+            in_list = False
+            out.append("")
+            continue
+        indented = line.startswith("  ") and not in_list
+        if _ITEM.match(line) and not indented:
+            if before.strip() and not in_list:
+                out.append("")
+            in_list = True
+        if indented and not block:
+            out += [*([""] if before.strip() else []), "::", ""]
+        elif block and not indented and before.strip():
+            out.append("")
+        block = indented
+        out.append(line if indented else line.replace("|", "\\|"))
+    return out + [line.replace("|", "\\|") for line in _one_by_one(lines[end:])]
+
+
+def _one_by_one(lines: list[str]) -> list[str]:
+    """Sections in which `a, b: text` is an entry for each name: Sphinx knows no other."""
+    out: list[str] = []
+    i = 0
+    while i < len(lines):
+        several = _SEVERAL.match(lines[i])
+        if not several:
+            out.append(lines[i])
+            i += 1
+            continue
+        indent, names, text = several.groups()
+        rest = i + 1
+        while rest < len(lines) and lines[rest].startswith(indent + "  "):
+            rest += 1
+        for name in names.split(", "):
+            out += [f"{indent}{name}:{text}", *lines[i + 1 : rest]]
+        i = rest
+    return out
+
+
+def short_types(text: str | None) -> str | None:
+    """A signature with arrays written as in the code."""
+    return text and _LONG.sub(r"\1", _ARRAY.sub(r"NDArray[\1]", text))
