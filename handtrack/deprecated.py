@@ -86,11 +86,22 @@ def old_positions(*names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 
 def renamed(**names: str) -> Callable[[type[C]], type[C]]:
-    """A class whose attributes, and arguments, can still be called as they were.
+    """A class whose attributes can still be called as they were.
 
     Args:
         names: how each that was called so is called now.
     """
+
+    def decorate(cls: type[C]) -> type[C]:
+        for old, new in names.items():
+            setattr(cls, old, _old_attribute(cls.__name__, old, new))
+        return cls
+
+    return decorate
+
+
+def old_arguments(**names: str) -> Callable[[type[C]], type[C]]:
+    """A class that can still be made with arguments called as they were; as `renamed`."""
 
     def decorate(cls: type[C]) -> type[C]:
         make: Any = cls.__init__
@@ -104,8 +115,6 @@ def renamed(**names: str) -> Callable[[type[C]], type[C]]:
             make(self, *args, **options)
 
         setattr(cls, "__init__", init)  # noqa: B010
-        for old, new in names.items():
-            setattr(cls, old, _old_attribute(cls.__name__, old, new))
         return cls
 
     return decorate

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.deprecated import renamed
+from handtrack.deprecated import old_arguments, renamed
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import ANGLE_JOINT, Hand
 from handtrack.mcap.hand import Event as Event
@@ -54,6 +54,7 @@ class SkinOfFrames:
 
 
 @renamed(sweeps="iterations")
+@old_arguments(sweeps="iterations")
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Track(States):
     """A tracked sequence. Recorders, replay, metrics and reports see only this.
