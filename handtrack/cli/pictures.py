@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from handtrack import Sequence, Track
     from handtrack.recording.settings import RecordingSettings
     from handtrack.video.detections import Detections
-    from handtrack.video.seen import Seen
+    from handtrack.video.placing import Seen
     from handtrack.viewer.picture_log import PictureView
 
 
@@ -75,9 +75,8 @@ def from_cameras(
 
     import handtrack as ht
     from handtrack.files.pictures import pictures_in
-    from handtrack.video.follow import follow
-    from handtrack.video.seen import Seen
-    from handtrack.video.views import views_of
+    from handtrack.video.placing import Seen
+    from handtrack.video.views import follow, views_of
 
     cameras = ht.load_cameras(calibration, reading.unit)
     if len(cameras) != len(videos):
@@ -141,7 +140,7 @@ def detected(
     """
     from handtrack.recording.recorder import McapRecorder
     from handtrack.video.detections import NoHandError
-    from handtrack.video.seen import Seen
+    from handtrack.video.placing import Seen
 
     try:
         found = reading.detect(source, quiet)

@@ -19,10 +19,9 @@ from handtrack.evaluation.arrays import Array, nan_mean
 from handtrack.evaluation.bootstrap import Uncertain
 from handtrack.evaluation.compare import Comparison
 from handtrack.evaluation.metrics import errors, pck_of_errors
-from handtrack.evaluation.paper import panoptic_rows
 from handtrack.evaluation.report import MEANING
 from handtrack.evaluation.results import Material, Stability, StabilityReport
-from handtrack.evaluation.tables import Report
+from handtrack.evaluation.tables import Report, panoptic_rows
 from handtrack.hand.skeleton import ANGLE_NAMES, BONES, JOINT_NAMES, N_ANGLES
 
 ERROR_BINS = 900

@@ -11,8 +11,8 @@ import numpy as np
 
 from handtrack.evaluation.bootstrap import Uncertain
 from handtrack.evaluation.compare import Comparison
-from handtrack.evaluation.paper import PaperRows, panoptic_rows
 from handtrack.evaluation.results import Spread, Stability, StabilityReport
+from handtrack.evaluation.tables import PaperRows, panoptic_rows
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -25,9 +25,9 @@ from handtrack.mcap.hands import METADATA
 from handtrack.mcap.schema import JOINT_STATE_NAME, JOINT_STATE_ROS2, descriptor_set
 from handtrack.mcap.state import encode_states
 from handtrack.mcap.stream import McapStream
-from handtrack.recording.log_lines import Line, log_lines
 from handtrack.recording.settings import MeshChoice, RecordingSettings
 from handtrack.recording.summary import SUMMARY, HandSummary, summary_record
+from handtrack.tracking.events import log_lines
 from handtrack.tracking.track import Part, Track
 
 FORMAT_VERSION = "2"
@@ -264,7 +264,7 @@ class HandWriter:
             for i, event in sorted(enumerate(events), key=lambda pair: pair[1].time_ns)
         )
 
-    def _log(self, lines: Sequence[Line]) -> Iterator[Message]:
+    def _log(self, lines: Sequence[Event]) -> Iterator[Message]:
         first, self._lines = self._lines, self._lines + len(lines)
         for i, line in enumerate(lines, first):
             time = self._log_time(line.time_ns)

@@ -1,13 +1,16 @@
-"""What is worth saying of tracked frames: events, and remarks on what was done to the input."""
+"""What is worth saying of tracked frames: events, remarks on what was done to the input, and the
+lines of a log."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import replace
 
 from handtrack.mcap.hand import Event
 from handtrack.sequences.sequence import Remark
 from handtrack.tracking.frame import TrackedFrame
+from handtrack.tracking.track import Part
 
 
 def frame_events(frames: list[TrackedFrame], before: TrackedFrame | None = None) -> list[Event]:
@@ -44,3 +47,31 @@ def with_remarks(frames: list[TrackedFrame], remarks: Iterable[Remark]) -> list[
                 reason = "; ".join(filter(None, (remark.text, frame.reason)))
                 out[i] = replace(frame, reason=reason)
     return out
+
+
+def log_lines(track: Part, before: tuple[str, str] = ("fitted", "")) -> list[Event]:
+    """The lines of a log: events, and the changes of status that none of them tells, in order.
+
+    Args:
+        track: a track, or a stretch of one.
+        before: status and reason of the frame before its first.
+    """
+    lines = list(track.events)
+    told = {line.time_ns for line in lines}
+    states = zip(track.status.tolist(), track.reason.tolist(), strict=True)
+    for frame, time, now in zip(
+        track.frame_index.tolist(), track.time_ns.tolist(), states, strict=True
+    ):
+        status, reason = now
+        # a reason that only its numbers tell from the last one is no news, nor is none any more
+        new_reason = bool(reason) and _words(reason) != _words(before[1])
+        if (status != before[0] or new_reason) and time not in told:
+            level = "warning" if status == "lost" else "info"
+            text = f"frame {frame}: {status}{f': {reason}' if reason else ''}"
+            lines.append(Event(time, level, text))
+        before = now
+    return sorted(lines, key=lambda line: line.time_ns)
+
+
+def _words(reason: str) -> str:
+    return re.sub(r"\d+", "", reason)

@@ -17,7 +17,7 @@ from handtrack.hand.skeleton import BONES
 from handtrack.tracking.track import Track
 from handtrack.video.media import pictures
 from handtrack.video.optional import opencv
-from handtrack.video.seen import Seen
+from handtrack.video.placing import Seen
 
 Array = NDArray[np.float64]
 Rgb = NDArray[np.uint8]

@@ -13,7 +13,7 @@ from handtrack.mcap.hand import hand_topics
 from handtrack.tracking.track import Track
 from handtrack.video.media import pictures
 from handtrack.video.optional import opencv
-from handtrack.video.seen import Seen
+from handtrack.video.placing import Seen
 from handtrack.viewer import style
 from handtrack.viewer.picture_log import PictureView
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from handtrack.hand.limits import Limits
 from handtrack.hand.normals import VertexNormals
 from handtrack.hand.skeleton import ANGLE_JOINT, BONES, FINGERS, JOINT_NAMES
-from handtrack.recording.log_lines import log_lines
+from handtrack.tracking.events import log_lines
 from handtrack.tracking.track import Part, mean_and_max
 from handtrack.viewer import style
-from handtrack.viewer.abilities import draws_states
+from handtrack.viewer.blueprint import draws_states
 from handtrack.viewer.limit_marks import HELD, OUTSIDE, limit_marks
 from handtrack.viewer.shown import Shown
 

@@ -17,8 +17,7 @@ from handtrack.hand.limits import Limits
 from handtrack.mcap.hand import Head
 from handtrack.recording.parts import rows
 from handtrack.tracking.track import Part
-from handtrack.viewer.blueprint import blueprint
-from handtrack.viewer.eye import Seen, eye
+from handtrack.viewer.blueprint import Seen, blueprint, eye
 from handtrack.viewer.hand_log import HandLog
 from handtrack.viewer.process import answers, free_port, grpc_address, viewer, wait_for
 from handtrack.viewer.rerun_log import APPLICATION

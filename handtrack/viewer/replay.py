@@ -11,8 +11,7 @@ from pathlib import Path
 from handtrack.errors import HandtrackError, SettingsError
 from handtrack.hand.limits import Limits, preset
 from handtrack.recording.read import read_part
-from handtrack.viewer.blueprint import blueprint
-from handtrack.viewer.eye import Seen, eye
+from handtrack.viewer.blueprint import Seen, blueprint, eye
 from handtrack.viewer.live_viewer import DEFAULT_ADDRESS, connected, stream
 from handtrack.viewer.process import (
     free_port,

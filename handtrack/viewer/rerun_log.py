@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,15 +17,15 @@ from handtrack.files.whole import whole_file
 from handtrack.hand.limits import Limits
 from handtrack.tracking.track import Track, mean_and_max
 from handtrack.viewer import style
-from handtrack.viewer.blueprint import blueprint
+from handtrack.viewer.blueprint import blueprint, writes_footers
 from handtrack.viewer.hand_log import HandLog, indexes
 from handtrack.viewer.picture_log import PictureView, log_pictures
-from handtrack.viewer.rrd_file import rrd_file
 from handtrack.viewer.shown import Run, Shown, counterpart, origin_ns, shown
-from handtrack.viewer.streams import forget_recordings, send_blueprint
+from handtrack.viewer.streams import forget_recordings, save_to, send_blueprint
 
 if TYPE_CHECKING:
     import rerun as rr
+    import rerun.blueprint as rrb
 
 APPLICATION = "handtrack"
 
@@ -131,3 +135,68 @@ def _difference(recording: rr.RecordingStream, log: HandLog, hand: Shown, first:
     entity = f"difference/{hand.topic}"
     recording.log(entity, lines, static=True)
     log.scalars(entity, hand.track, values, at)
+
+
+_FOOTER = b"RRF2FOOT"  # 12 bytes before the end of a complete file
+
+
+@contextmanager
+def rrd_file(
+    path: Path, application: str, blueprint: rrb.Blueprint
+) -> Iterator[rr.RecordingStream]:
+    """A recording whose content is in the file once the block has ended.
+
+    rerun writes files in a thread of its own. When that fails nobody is told, and a later
+    flush or disconnect may wait for it for ever. So it writes into a pipe, and what comes out
+    of that is written here.
+
+    Raises:
+        OSError: writing failed.
+    """
+    import rerun as rr
+
+    # those before, of which an error kept hold
+    forget_recordings()
+    recording = rr.RecordingStream(application)
+    failures: list[OSError] = []
+    if sys.platform == "win32":
+        save_to(recording, path, blueprint)
+        try:
+            yield recording
+        finally:
+            recording.disconnect()
+    else:
+        source, sink = os.pipe()
+        copying = threading.Thread(target=_copy, args=(source, path, failures), daemon=True)
+        copying.start()
+        try:
+            try:
+                save_to(recording, Path(f"/dev/fd/{sink}"), blueprint)
+            finally:
+                # rerun has opened it again: the pipe ends when rerun closes it
+                os.close(sink)
+            yield recording
+        finally:
+            recording.disconnect()
+            copying.join()
+    if failures:
+        raise failures[0]
+    if not writes_footers():
+        return
+    with path.open("rb") as stream:
+        stream.seek(-len(_FOOTER) - 4, os.SEEK_END)
+        if stream.read(len(_FOOTER)) != _FOOTER:
+            raise OSError("rerun did not complete the file")
+
+
+def _copy(source: int, path: Path, failures: list[OSError]) -> None:
+    """From a pipe to a file; after a failure the pipe is emptied all the same."""
+    with os.fdopen(source, "rb", buffering=0) as pipe:
+        try:
+            with path.open("wb") as file:
+                while block := pipe.read(1 << 20):
+                    file.write(block)
+        except OSError as error:
+            failures.append(error)
+            while pipe.read(1 << 20):
+                continue

@@ -13,10 +13,9 @@ from rich.console import Console
 
 from handtrack.errors import InputError
 from handtrack.evaluation.compare import compare
-from handtrack.evaluation.paper import panoptic_rows
 from handtrack.evaluation.report import print_comparison, print_table, to_json
 from handtrack.evaluation.stability import stability, stability_of_pairs
-from handtrack.evaluation.tables import to_csv, to_latex
+from handtrack.evaluation.tables import panoptic_rows, to_csv, to_latex
 from handtrack.hand.model import HandModel
 from handtrack.sequences.sequence import Sequence
 

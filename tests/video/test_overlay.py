@@ -14,8 +14,7 @@ from handtrack.video.detections import detect
 from handtrack.video.detector import Detection
 from handtrack.video.media import pictures, read_image
 from handtrack.video.overlay import Drawn, draw, overlay
-from handtrack.video.placing import assumed_camera, place_in_view
-from handtrack.video.seen import Seen
+from handtrack.video.placing import Seen, assumed_camera, place_in_view
 
 pytest.importorskip("av", reason="the extra video is not installed")
 pytest.importorskip("cv2", reason="the extra video is not installed")

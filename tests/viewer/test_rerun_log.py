@@ -21,7 +21,7 @@ from handtrack.errors import HandtrackError, InputError, SettingsError
 from handtrack.hand.normals import VertexNormals
 from handtrack.hand.skeleton import FINGERS
 from handtrack.tracking.track import Track
-from handtrack.viewer.eye import Seen, eye
+from handtrack.viewer.blueprint import Seen, eye
 from handtrack.viewer.hand_log import BATCH, HandLog
 from handtrack.viewer.rerun_log import log_rerun
 
