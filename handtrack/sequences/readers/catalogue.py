@@ -255,6 +255,25 @@ FORMATS: tuple[Format, ...] = (
         "file magic",
     ),
     Format(
+        "ROS 2 and Foxglove logs",
+        "MCAP with `geometry_msgs/PoseArray`, `visualization_msgs/MarkerArray`, TF of frames named"
+        " as joints, `foxglove.PosesInFrame` or `FrameTransforms`; a topic, or names, for each"
+        " hand; ROS 2 bags (folders with metadata.yaml) and ROS 1's .bag",
+        "by their number or by name",
+        "m",
+        "both",
+        "names of schemas",
+        'bags: extra `formats` (pip install "handtrack[formats]")',
+    ),
+    Format(
+        "IsaacTeleop",
+        "MCAP with FlatBuffers `core.HandPoseRecord`, `hands/left_hand` and `hands/right_hand`",
+        "openxr",
+        "m",
+        "both",
+        "name of the schema",
+    ),
+    Format(
         "Videos, images",
         ".mp4, .mov, .mkv, .webm, .avi; .jpg, .png, .webp; a folder of images",
         "by MediaPipe",

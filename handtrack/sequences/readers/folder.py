@@ -15,11 +15,13 @@ from handtrack.sequences.readers import dexycb, panoptic, pickled
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.raw import Raw
 from handtrack.sequences.readers.recognise import read_file
+from handtrack.sequences.readers.rosbag import METADATA, is_bag
 from handtrack.sequences.readers.single_frames import read_single_frames, together
 
 SUFFIXES = {
     *(".npz", ".npy", ".csv", ".json", ".jsonl", ".ndjson", ".txt", ".mcap"),
     *(".tar", ".gz", ".tgz", ".bz2", ".xz", ".hdf5", ".h5", ".trc", ".c3d", ".bvh"),
+    *(".parquet", ".bag"),
 }
 """Files with other endings (videos, pictures, notes) are not looked into in a folder."""
 _NOT_DATA = ("readme", "license", "licence", "copying", "changelog", "notice")
@@ -65,6 +67,9 @@ class Source:
 def sources(folder: Path) -> Iterator[Source]:
     """Every source in a folder and the folders in it, sorted by path; hidden ones are skipped."""
     for here, names in _folders(folder):
+        if is_bag(here):
+            yield Source(here, (METADATA,))
+            continue
         data = sorted(n for n in names if may_be_data(n))
         single = together((n for n in data if not _is_numbered(n)), here)
         taken = {name for group in single for name in group}

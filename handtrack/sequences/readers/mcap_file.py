@@ -1,8 +1,10 @@
-"""MCAP files: joints that handtrack observed in recordings of its own, or JSON messages."""
+"""MCAP files: joints that handtrack observed in recordings of its own, JSON messages, and robots'
+logs (ROS 2, Foxglove, IsaacTeleop)."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,10 +13,14 @@ from handtrack.mcap.hands import METADATA, OURS, STATE, HandDecoder, Hands
 from handtrack.mcap.walk import Walk
 from handtrack.sequences.readers import mcap_json
 from handtrack.sequences.readers.raw import NotJointsError, Raw, stem
+from handtrack.sequences.readers.robot_logs import RobotLog, understood
+
+if TYPE_CHECKING:
+    from mcap.records import Channel
 
 
 def read_mcap(path: Path) -> list[Raw]:
-    """The sequences of an MCAP file: handtrack's own, or JSON joint messages.
+    """The sequences of an MCAP file: handtrack's own, robots' messages, or JSON joint messages.
 
     Only those messages are decoded: recordings hold meshes and pictures too.
 
@@ -25,9 +31,24 @@ def read_mcap(path: Path) -> list[Raw]:
     walk = Walk(path)
     hands = Hands(walk)
     messages: list[mcap_json.Message] = []
-    for found in walk.messages(lambda c: c.message_encoding == "json" or walk.schema_of(c) in OURS):
+    log = RobotLog(path)
+
+    def of_robots(channel: Channel) -> bool:
+        # recordings of our own hold frames for viewers too
+        own = METADATA in walk.metadata or hands.all
+        return not own and understood(walk.schema_of(channel), channel.message_encoding)
+
+    def wanted(channel: Channel) -> bool:
+        ours = channel.message_encoding == "json" or walk.schema_of(channel) in OURS
+        return ours or of_robots(channel)
+
+    for found in walk.messages(wanted):
         channel = walk.channels[found.channel]
-        if channel.message_encoding == "json":
+        if of_robots(channel):
+            schema = walk.definitions[channel.schema_id]
+            encoding = channel.message_encoding
+            log.add(channel.topic, found.time, found.data, schema.name, encoding, schema.data)
+        elif channel.message_encoding == "json":
             messages.append(mcap_json.Message(channel.topic, found.time, found.data))
         else:
             hands.add(found)
@@ -43,9 +64,14 @@ def read_mcap(path: Path) -> list[Raw]:
         if not found_hands:
             raise InputError(f"a handtrack recording without {STATE} messages", path)
         return [_observed(hand, path) for hand in found_hands]
+    raws = log.hands()
+    if raws:
+        return raws
     if messages:
         messages.sort(key=lambda message: message.log_time)
         return mcap_json.read(messages, path)
+    if log.topics:
+        return log.check()
     topics = [f"{c.topic} ({c.message_encoding})" for c in walk.channels.values()]
     if not topics:
         raise InputError("no messages in it", path)

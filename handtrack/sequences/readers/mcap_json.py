@@ -159,7 +159,7 @@ def _better(own: Stamps, logged: NDArray[np.int64]) -> Stamps:
     """The messages' own times, where log times say nothing or they are of the same clock."""
     if own.name == "log time" or (np.diff(logged) <= 0).sum() > len(logged) / 2:
         return own
-    return _stamps(list(own.values), logged.tolist())
+    return message_stamps(list(own.values), logged.tolist())
 
 
 def _bones_topic(topic: str, messages: list[Message], path: Path) -> Raw:
@@ -174,7 +174,7 @@ def _bones_topic(topic: str, messages: list[Message], path: Path) -> Raw:
         stem(path),
         hand=next(iter(labels)) if len(labels) == 1 else None,
         unit="m",
-        stamps=_stamps([m.stamp for m in read], [m.log_time for m in messages]),
+        stamps=message_stamps([m.stamp for m in read], [m.log_time for m in messages]),
         frame_index=_numbers([m.number for m in read]),
         confidence=np.array([m.confidence for m in read]),
     )
@@ -228,7 +228,7 @@ def _bones(bones: dict[str, _Bone], path: Path) -> tuple[Array, Array]:
     return joints, confidence
 
 
-def _stamps(own: list[int | float | str | None], logged: list[int]) -> Stamps:
+def message_stamps(own: list[int | float | str | None], logged: list[int]) -> Stamps:
     """When the messages say they were taken, or when they were logged."""
     log = np.array(logged, dtype=np.int64)
     stamps = []

@@ -30,6 +30,7 @@ from handtrack.sequences.readers.json_file import is_lines, read_json, read_line
 from handtrack.sequences.readers.jsontext import as_utf8, decode
 from handtrack.sequences.readers.parquet_file import PARQUET_MAGIC, read_parquet
 from handtrack.sequences.readers.raw import NotJointsError, Raw
+from handtrack.sequences.readers.rosbag import BAG_MAGIC, BAG_MARK, SQLITE_MAGIC, read_bag
 
 MCAP_MAGIC = b"\x89MCAP"
 NPY_MAGIC = b"\x93NUMPY"
@@ -65,6 +66,8 @@ def read_file(
             from handtrack.sequences.readers.mcap_file import read_mcap
 
             return read_mcap(path)
+        if head.startswith((BAG_MAGIC, SQLITE_MAGIC)) or BAG_MARK in head:
+            return read_bag(path)
         if head.startswith(HDF5_MAGIC):
             return read_hdf5(path)
         if head.startswith(PARQUET_MAGIC):

@@ -1,0 +1,347 @@
+"""Hands in robots' logs: topics of poses, of markers, and named frames of TF."""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from handtrack.errors import InputError, shown
+from handtrack.hand.rotations import quaternion_to_matrix
+from handtrack.hand.skeleton import N_JOINTS, Hand
+from handtrack.sequences.clock import Stamps
+from handtrack.sequences.names import UNUSED, joint_name, settle, without_hand, words
+from handtrack.sequences.readers import cdr, foxglove_messages, isaac
+from handtrack.sequences.readers.both_hands import two_hands
+from handtrack.sequences.readers.fields import JOINT_COUNTS, PAIRS
+from handtrack.sequences.readers.mcap_json import message_stamps
+from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, stem
+from handtrack.sequences.readers.robot_messages import Marker, Message, Poses, Transform, Transforms
+
+_FEWEST = 4
+_LISTS = (6, 7, 8)  # markers of cubes, spheres and points
+_SINGLE = (1, 2, 3)  # of a cube, a sphere, a cylinder
+_TEXT = 9
+_ADDED = 0
+_DEEPEST = 64
+"""Frames above one another."""
+_LOGGED_MOST = np.iinfo(np.int64).max
+
+_CDR: dict[str, Callable[[cdr.Cdr, str], Message]] = {
+    "geometry_msgs/msg/PoseArray": lambda c, _: cdr.poses(c),
+    "foxglove_msgs/msg/PosesInFrame": lambda c, _: cdr.posed(c),
+    "visualization_msgs/msg/MarkerArray": cdr.markers,
+    "visualization_msgs/msg/Marker": cdr.marker,
+    "tf2_msgs/msg/TFMessage": lambda c, _: cdr.transforms(c),
+    "geometry_msgs/msg/TransformStamped": lambda c, _: cdr.transform(c),
+}
+
+
+def understood(schema: str, encoding: str) -> bool:
+    """Whether messages of such a schema and encoding may hold hands."""
+    if encoding in ("cdr", "ros1"):
+        return _ros2(schema) in _CDR
+    if encoding in ("protobuf", "json"):
+        return schema in foxglove_messages.SCHEMAS
+    return encoding == "flatbuffer" and schema == isaac.SCHEMA
+
+
+def _ros2(schema: str) -> str:
+    """ROS 1's names as ROS 2's."""
+    return schema if "/msg/" in schema else schema.replace("/", "/msg/", 1)
+
+
+def decode(data: bytes, schema: str, encoding: str, definition: bytes) -> Message:
+    """A message of a schema that is understood.
+
+    Raises:
+        ValueError, TypeError, KeyError, struct.error, IndexError: it is none.
+    """
+    if encoding in ("cdr", "ros1"):
+        text = definition.decode("utf-8", "replace")
+        return _CDR[_ros2(schema)](cdr.Cdr(data, encoding == "ros1"), text)
+    if encoding == "protobuf":
+        return foxglove_messages.protobuf(data, schema, definition)
+    if encoding == "json":
+        return foxglove_messages.json(data, schema)
+    return isaac.hand_pose(data)
+
+
+@dataclass
+class RobotLog:
+    """Messages of a log, taken one after the other.
+
+    Attributes:
+        path: of the log.
+    """
+
+    path: Path
+    _topics: dict[str, _Topic] = field(default_factory=dict)
+    _frames: _Frames = field(default_factory=lambda: _Frames())
+
+    def add(
+        self, topic: str, log_time: int, data: bytes, schema: str, encoding: str, definition: bytes
+    ) -> None:
+        """Take a message.
+
+        Raises:
+            InputError: it does not fit its schema, with its topic and number.
+        """
+        of = self._topics.setdefault(topic, _Topic(topic))
+        of.messages += 1
+        try:
+            message = decode(data, schema, encoding, definition)
+        except (ValueError, TypeError, KeyError, IndexError, OverflowError, struct.error) as error:
+            raise InputError(
+                f"{topic}, message {of.messages - 1} is no {schema}: {shown(str(error), 80)}",
+                self.path,
+            ) from None
+        if log_time > _LOGGED_MOST:
+            raise InputError(
+                f"{topic}, message {of.messages - 1}: log time {log_time} ns is beyond 64 bits",
+                self.path,
+            )
+        if isinstance(message, Transforms):
+            self._frames.add(message.transforms, log_time, "static" in topic)
+        else:
+            of.add(message, log_time)
+
+    @property
+    def topics(self) -> list[str]:
+        """Topics of which messages were taken."""
+        return sorted(self._topics)
+
+    def hands(self) -> list[Raw]:
+        """The hands in it; none where there are none.
+
+        Raises:
+            InputError: frames of which one is above itself.
+        """
+        raws: list[Raw] = []
+        for _, topic in sorted(self._topics.items()):
+            raws += topic.hands(self.path)
+        if not raws:
+            raws = self._frames.hands(self.path)
+        labels = Counter(raw.hand for raw in raws)
+        for raw in raws:
+            raw.name = stem(self.path)
+            if raw.hand is None or labels[raw.hand] > 1:
+                raw.name += f" {raw.subject}"
+            raw.subject, raw.tagged = "", len(raws) > 1
+        return raws
+
+    def check(self) -> list[Raw]:
+        """The hands in it.
+
+        Raises:
+            NotJointsError: there are none, with what there is.
+        """
+        raws = self.hands()
+        if not raws:
+            said = [t.about() for _, t in sorted(self._topics.items())]
+            raise NotJointsError(
+                "no hand in its messages: expected topics of 21, 25 or 26 poses or markers, or"
+                f" frames named as joints; found {'; '.join(filter(None, said[:6]))}",
+                self.path,
+            )
+        return raws
+
+
+@dataclass
+class _Topic:
+    """A topic of poses or markers."""
+
+    name: str
+    messages: int = 0
+    logged: list[int] = field(default_factory=list)
+    found: list[Poses] = field(default_factory=list)
+
+    def add(self, message: Poses, log_time: int) -> None:
+        self.found.append(message)
+        self.logged.append(log_time)
+
+    def about(self) -> str:
+        if not self.found:
+            return f"{self.name} (frames)"
+        count = Counter(len(m.places) or len(m.markers) for m in self.found).most_common(1)[0][0]
+        return f"{self.name} ({count} {'markers' if self.found[0].markers else 'poses'})"
+
+    def hands(self, path: Path) -> list[Raw]:
+        """The hands of this topic; none where its lists are of no hand's length."""
+        if any(m.markers for m in self.found):
+            return self._of_markers(path)
+        sizes = Counter(len(m.places) for m in self.found if len(m.places))
+        if not sizes:
+            return []
+        size = sizes.most_common(1)[0][0]
+        if size not in (*JOINT_COUNTS, *PAIRS):
+            return []
+        joints = np.full((len(self.found), size, 3), np.nan)
+        for i, message in enumerate(self.found):
+            if len(message.places) == size:
+                joints[i] = message.places
+            elif len(message.places):
+                raise InputError(
+                    f"{self.name}, message {i} has {len(message.places)} poses, others {size}", path
+                )
+        return two_hands(self._raw(joints, path, _side(self.name, self.found[0].frame)))
+
+    def _raw(self, joints: Array, path: Path, hand: Hand | None, order: str | None = None) -> Raw:
+        own = [m.stamp for m in self.found]
+        return Raw(
+            joints,
+            path,
+            stem(path),
+            hand=hand,
+            unit="m",
+            order=order,
+            stamps=message_stamps(list(own), self.logged),
+            subject=self.name.strip("/").replace("/", " "),
+        )
+
+    def _of_markers(self, path: Path) -> list[Raw]:
+        """Markers by their names, or else by their numbers."""
+        kept: dict[Hand | None, dict[int, dict[str, Array]]] = {}
+        for i, message in enumerate(self.found):
+            for hand, places in _marked(message.markers, self.name).items():
+                kept.setdefault(hand, {})[i] = places
+        raws = []
+        for hand, by_message in kept.items():
+            names = list(dict.fromkeys(n for places in by_message.values() for n in places))
+            columns = _columns(names)
+            if columns is None:
+                continue
+            width = max(columns.values()) + 1 if columns else 0
+            named = not all(n.isdigit() for n in names)
+            joints = np.full((len(self.found), N_JOINTS if named else width, 3), np.nan)
+            for i, places in by_message.items():
+                for name, place in places.items():
+                    if name in columns:
+                        joints[i, columns[name]] = place
+            raws.append(self._raw(joints, path, hand, "handtrack" if named else None))
+        return raws
+
+
+def _marked(markers: tuple[Marker, ...], topic: str) -> dict[Hand | None, dict[str, Array]]:
+    """Places by hand and by name, or number, of one message."""
+    found: dict[Hand | None, dict[str, Array]] = {}
+    for marker in markers:
+        if marker.action != _ADDED:
+            continue
+        hand = _side(marker.space, marker.text, topic, marker.frame)
+        places = found.setdefault(hand, {})
+        if marker.kind in _LISTS and len(marker.points) in JOINT_COUNTS:
+            turn = quaternion_to_matrix(np.roll(marker.pose[3:], 1))
+            turn = turn if np.isfinite(turn).all() else np.eye(3)
+            at = marker.points @ turn.T + marker.pose[:3]
+            places |= {str(i): p for i, p in enumerate(at)}
+        elif marker.kind in _SINGLE:
+            named = (t for t in (marker.text, marker.space) if joint_name(words(t)) is not None)
+            text = next((t for t in named if _says_which(t)), None)
+            places[text or str(marker.number)] = marker.pose[:3]
+    return {hand: places for hand, places in found.items() if len(places) >= _FEWEST}
+
+
+def _says_which(text: str) -> bool:
+    """Whether a marker's name is of one joint, and not of a hand or a finger's number."""
+    said = joint_name(words(text))
+    return said is not None and not said.weak and (said.finger is not None or said.number is None)
+
+
+def _columns(names: list[str]) -> dict[str, int] | None:
+    """Which joint each name is; None where they are of no hand."""
+    if all(n.isdigit() for n in names):
+        numbers = sorted(int(n) for n in names)
+        # ids often begin at 1, or go on from hand to hand
+        if len(numbers) not in JOINT_COUNTS or numbers[-1] - numbers[0] != len(numbers) - 1:
+            return None
+        return {str(n): i for i, n in enumerate(numbers)}
+    said = [(n, s) for n in names if (s := joint_name(words(n))) is not None]
+    settled = settle(s for _, s in said)
+    found = {n: j for (n, _), j in zip(said, settled, strict=True) if j is not None and j != UNUSED}
+    return found if len(found) >= _FEWEST else None
+
+
+def _side(*texts: str) -> Hand | None:
+    """The hand that the first text which names one names."""
+    return next(
+        (hand for text in texts if (hand := without_hand(words(text))[0]) is not None), None
+    )
+
+
+@dataclass
+class _Frames:
+    """Frames of TF over time."""
+
+    static: dict[str, Transform] = field(default_factory=dict)
+    moments: dict[int, dict[str, Transform]] = field(default_factory=dict)
+    logged: dict[int, int] = field(default_factory=dict)
+
+    def add(self, transforms: tuple[Transform, ...], log_time: int, static: bool) -> None:
+        for transform in transforms:
+            if static:
+                self.static[transform.child] = transform
+                continue
+            time = transform.stamp or log_time
+            self.moments.setdefault(time, {})[transform.child] = transform
+            self.logged.setdefault(time, log_time)
+
+    def hands(self, path: Path) -> list[Raw]:
+        """Hands whose joints have frames of their own, in the frame above all others."""
+        names = {c for moment in self.moments.values() for c in moment}
+        raws = []
+        for hand, columns in _by_hand(sorted(names | set(self.static))).items():
+            times, rows = [], []
+            latest: dict[str, Transform] = dict(self.static)
+            for time in sorted(self.moments):
+                moment = self.moments[time]
+                latest |= moment
+                if not columns.keys() & moment.keys():
+                    continue
+                joints = np.full((N_JOINTS, 3), np.nan)
+                for name, joint in columns.items():
+                    # a joint is there in the moments that tell of it, or always
+                    if name in moment or name in self.static:
+                        joints[joint] = _place(name, latest, path)
+                times.append(time)
+                rows.append(joints)
+            raws.append(
+                Raw(
+                    np.array(rows),
+                    path,
+                    stem(path),
+                    hand=hand,
+                    unit="m",
+                    order="handtrack",
+                    stamps=Stamps(np.array(times, np.int64), "stamp", "ns"),
+                )
+            )
+        return raws
+
+
+def _by_hand(names: list[str]) -> dict[Hand | None, dict[str, int]]:
+    """Which joint each frame is, by hand."""
+    said = {n: s for n in names if (s := joint_name(words(n))) is not None}
+    found = {}
+    for hand in dict.fromkeys(s.hand for s in said.values()):
+        own = [n for n, s in said.items() if s.hand == hand]
+        columns = _columns(own)
+        if columns is not None and not all(n.isdigit() for n in own):
+            found[hand] = columns
+    return found
+
+
+def _place(name: str, frames: dict[str, Transform], path: Path) -> Array:
+    """Where a frame's origin is in the frame above all others."""
+    place, at = np.zeros(3), name
+    for _ in range(_DEEPEST):
+        above = frames.get(at)
+        if above is None:
+            return place
+        turn = quaternion_to_matrix(np.roll(above.pose[3:], 1))
+        place, at = turn @ place + above.pose[:3], above.parent
+    raise InputError(f"frame {shown(name, 40)} has more than {_DEEPEST} frames above it", path)

@@ -1,0 +1,280 @@
+"""Robots' logs: every kind holds the joints that were written; damage is told."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from robot_files import (
+    HUMBLE,
+    START,
+    STEP,
+    Topics,
+    foxglove_frames,
+    foxglove_poses_json,
+    isaac_record,
+    marker_array,
+    pose_array,
+    protobuf,
+    tf_message,
+    write_log,
+)
+from screens import lacking
+
+import handtrack as ht
+from handtrack.errors import HandtrackError
+from handtrack.hand.rotations import matrix_to_quaternion, vector_to_matrix
+from handtrack.hand.skeleton import JOINT_NAMES, ORDERS
+from handtrack.sequences.readers.robot_logs import decode
+
+FRAMES = 12
+POSE_ARRAY = "geometry_msgs/msg/PoseArray"
+MARKERS = "visualization_msgs/msg/MarkerArray"
+TF = "tf2_msgs/msg/TFMessage"
+
+
+def moving(hand: str) -> np.ndarray:
+    """(12, 21, 3) of a hand that bends [m]."""
+    model = ht.HandModel.default(hand)
+    bend = np.linspace(0, 1, FRAMES)[:, None] * np.tile([0.8, 0.05, 0.9, 0.6], 5)
+    return model.joints(model.limits.clamp(bend), None, [0.1, 0.2, 0.5])
+
+
+LEFT, RIGHT = moving("left"), moving("right")
+
+
+def openxr(joints: np.ndarray) -> np.ndarray:
+    """(T, 26, 3) with a palm and metacarpals between."""
+    out = np.repeat(joints[:, :1] + [0.01, 0.0, 0.0], 26, axis=1)
+    out[:, list(ORDERS["openxr"])] = joints
+    return out
+
+
+def ros(schema: str, message: Any, text: bytes = b"") -> tuple[str, str, str, bytes, Any]:
+    return schema, "ros2msg", "cdr", text, message
+
+
+def both(path: Path) -> tuple[ht.Sequence, ht.Sequence]:
+    found = ht.load(path)
+    assert [s.hand for s in found] == ["left", "right"]
+    for sequence in found:
+        np.testing.assert_array_equal(sequence.time_ns, START + np.arange(FRAMES) * STEP)
+    return found[0], found[1]
+
+
+def test_isaac_teleop(tmp_path: Path) -> None:
+    pytest.importorskip("flatbuffers")
+    hands = {"left": openxr(LEFT).astype(np.float32), "right": openxr(RIGHT).astype(np.float32)}
+    hands["right"][3, 10] = np.nan
+    topics: Topics = {
+        f"hands/{side}_hand": (
+            *("core.HandPoseRecord", "flatbuffer", "flatbuffer", b"bfbs"),
+            lambda time, i, p=places: isaac_record(time, None if i == 5 else p[i]),
+        )
+        for side, places in hands.items()
+    }
+    left, right = both(write_log(tmp_path / "x.mcap", topics, FRAMES))
+    assert np.isnan(left.joints[5]).all()
+    assert np.isnan(right.joints[3, 8]).all()
+    keep = np.arange(FRAMES) != 5
+    np.testing.assert_allclose(left.joints[keep], LEFT[keep], atol=1e-6)
+    np.testing.assert_allclose(right.joints[4], RIGHT[4], atol=1e-6)
+
+
+@pytest.mark.parametrize("count", [21, 26])
+def test_pose_arrays(tmp_path: Path, count: int) -> None:
+    places = {"left": LEFT, "right": RIGHT}
+    if count == 26:
+        places = {side: openxr(joints) for side, joints in places.items()}
+    topics: Topics = {
+        f"/tracking/{side}_hand": ros(
+            POSE_ARRAY, lambda time, i, j=j: pose_array(time, j[i] if i != 4 else j[i][:0])
+        )
+        for side, j in places.items()
+    }
+    topics["/robot/goals"] = ros(POSE_ARRAY, lambda time, i: pose_array(time, np.zeros((7, 3))))
+    left, right = both(write_log(tmp_path / "x.mcap", topics, FRAMES))
+    assert np.isnan(left.joints[4]).all()
+    keep = np.arange(FRAMES) != 4
+    np.testing.assert_allclose(left.joints[keep], LEFT[keep])
+    np.testing.assert_allclose(right.joints[keep], RIGHT[keep])
+
+
+@pytest.mark.parametrize("new", [True, False])
+def test_markers_by_name_and_by_number(tmp_path: Path, new: bool) -> None:
+    order = np.random.default_rng(0).permutation(21)
+
+    def named(time: int, i: int) -> bytes:
+        spheres = [(f"{s}_{JOINT_NAMES[j]}", 0, p[i, j]) for s, p in hands for j in order]
+        return marker_array(time, spheres, new=new)
+
+    def numbered(time: int, i: int) -> bytes:
+        spheres = [(f"{s}_hand", int(j) + 1, p[i, j]) for s, p in hands for j in order]
+        return marker_array(time, spheres, new=new)
+
+    hands = [("left", LEFT), ("right", RIGHT)]
+    for name, message in (("named", named), ("numbered", numbered)):
+        text = HUMBLE if new else b"string text"
+        topics: Topics = {"/hands": ros(MARKERS, message, text)}
+        left, right = both(write_log(tmp_path / f"{name}.mcap", topics, FRAMES))
+        np.testing.assert_allclose(left.joints, LEFT)
+        np.testing.assert_allclose(right.joints, RIGHT)
+
+
+def chain(joints: np.ndarray, side: str) -> list[tuple[str, str, Any, Any]]:
+    """Frames of joints, each in the one before, all turned against one another."""
+    turn = {0: vector_to_matrix(np.array([0.3, -0.4, 0.5]))}
+    frames: list[tuple[str, str, Any, Any]] = []
+
+    def xyzw(matrix: np.ndarray) -> np.ndarray:
+        return np.roll(matrix_to_quaternion(matrix), -1)
+
+    frames.append(("headset", f"{side}_{JOINT_NAMES[0]}", joints[0], xyzw(turn[0])))
+    for j in range(1, 21):
+        above = 0 if j % 4 == 1 else j - 1
+        own = vector_to_matrix(np.array([0.1 * j, 0.2, -0.05 * j]))
+        turn[j] = turn[above] @ own
+        place = turn[above].T @ (joints[j] - joints[above])
+        names = f"{side}_{JOINT_NAMES[above]}", f"{side}_{JOINT_NAMES[j]}"
+        frames.append((*names, place, xyzw(own)))
+    return frames
+
+
+@pytest.mark.parametrize("kind", ["ros", "foxglove"])
+def test_named_frames(tmp_path: Path, kind: str) -> None:
+    # the headset stands in the world, and moves
+    def all_frames(time: int, i: int) -> list[tuple[str, str, Any, Any]]:
+        world = [("world", "headset", [0.1 * i, 0, 0], (0, 0, 0, 1))]
+        return world + chain(LEFT[i], "left") + chain(RIGHT[i], "right")
+
+    if kind == "ros":
+        entry = ros(TF, lambda time, i: tf_message(time, all_frames(time, i)))
+    else:
+        name = "foxglove.FrameTransforms"
+        entry = (
+            *(name, "protobuf", "protobuf", protobuf(name)),
+            lambda time, i: foxglove_frames(time, all_frames(time, i)),
+        )
+    left, right = both(write_log(tmp_path / "x.mcap", {"/tf": entry}, FRAMES))
+    moved = np.arange(FRAMES)[:, None, None] * [0.1, 0, 0]
+    np.testing.assert_allclose(left.joints, LEFT + moved, atol=1e-9)
+    np.testing.assert_allclose(right.joints, RIGHT + moved, atol=1e-9)
+
+
+def test_frames_that_go_in_a_circle_are_told(tmp_path: Path) -> None:
+    def message(time: int, i: int) -> bytes:
+        frames = chain(RIGHT[i], "right")
+        return tf_message(time, [("right_index_tip", "headset", [0, 0, 0], (0, 0, 0, 1)), *frames])
+
+    with pytest.raises(HandtrackError, match="frames above it"):
+        ht.load(write_log(tmp_path / "x.mcap", {"/tf": ros(TF, message)}, 3))
+
+
+def test_foxglove_poses_in_json(tmp_path: Path) -> None:
+    topics: Topics = {
+        f"/{side}": (
+            *("foxglove.PosesInFrame", "jsonschema", "json", b"{}"),
+            lambda time, i, j=j: foxglove_poses_json(time, j[i]),
+        )
+        for side, j in (("left", LEFT), ("right", RIGHT))
+    }
+    left, right = both(write_log(tmp_path / "x.mcap", topics, FRAMES))
+    np.testing.assert_allclose(left.joints, LEFT)
+    np.testing.assert_allclose(right.joints, RIGHT)
+
+
+def test_our_own_recordings_are_not_taken_for_robots(tmp_path: Path, sample: ht.Sequence) -> None:
+    track = ht.track(sample.frames(0, 10), ht.HandModel.default(), calibrate="none")
+    ht.write_mcap(track, tmp_path / "x.mcap")
+    (found,) = ht.load(tmp_path / "x.mcap")
+    np.testing.assert_array_equal(found.joints, track.observed)
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap", "ros1"])
+def test_ros_bags(tmp_path: Path, storage: str) -> None:
+    try:
+        from rosbags import rosbag1, rosbag2
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        lacking("rosbags", "it writes and reads the bags")
+    kind = "geometry_msgs/msg/PoseArray"
+    path = tmp_path / ("hands.bag" if storage == "ros1" else "hands")
+    if storage == "ros1":
+        store = get_typestore(Stores.ROS1_NOETIC)
+        writer: Any = rosbag1.Writer(path)
+    else:
+        store = get_typestore(Stores.ROS2_HUMBLE)
+        plugin = rosbag2.StoragePlugin[storage.upper()]
+        writer = rosbag2.Writer(path, version=9, storage_plugin=plugin)
+    with writer:
+        channels = {
+            side: writer.add_connection(f"/{side}_hand/poses", kind, typestore=store)
+            for side in ("left", "right")
+        }
+        for i in range(FRAMES):
+            for side, joints in (("left", LEFT), ("right", RIGHT)):
+                time = START + i * STEP
+                data = pose_array(time, joints[i])
+                if storage == "ros1":
+                    message = get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr(data, kind)
+                    header = store.types["std_msgs/msg/Header"](
+                        seq=i, stamp=message.header.stamp, frame_id="world"
+                    )
+                    again = store.types[kind](header=header, poses=message.poses)
+                    data = bytes(store.serialize_ros1(again, kind))
+                writer.write(channels[side], time, data)
+    left, right = both(path)
+    np.testing.assert_allclose(left.joints, LEFT)
+    np.testing.assert_allclose(right.joints, RIGHT)
+    assert left.name.startswith("hands")
+    if storage == "sqlite3":
+        (db3,) = path.glob("*.db3")
+        assert len(ht.load(db3)) == 2
+        data = db3.read_bytes()
+        db3.write_bytes(data[: len(data) // 2])
+        with pytest.raises(HandtrackError, match="bag is damaged"):
+            ht.load(path)
+        (path / "metadata.yaml").unlink()
+        with pytest.raises(HandtrackError, match=r"its metadata\.yaml is not beside"):
+            ht.load(db3)
+
+
+def test_logs_without_hands_say_what_there_is(tmp_path: Path) -> None:
+    topics: Topics = {
+        "/goals": ros(POSE_ARRAY, lambda time, i: pose_array(time, np.zeros((7, 3)))),
+        "/tf": ros(TF, lambda time, i: tf_message(time, [("a", "b", [0, 0, 0], (0, 0, 0, 1))])),
+    }
+    with pytest.raises(HandtrackError, match=r"no hand .* /goals \(7 poses\); /tf \(frames\)"):
+        ht.load(write_log(tmp_path / "x.mcap", topics, 3))
+
+
+def test_damaged_messages_are_told(tmp_path: Path) -> None:
+    whole = {
+        (POSE_ARRAY, "cdr", b""): pose_array(START, RIGHT[0]),
+        (MARKERS, "cdr", HUMBLE): marker_array(
+            START, [("right", j, RIGHT[0, j]) for j in range(21)]
+        ),
+        (TF, "cdr", b""): tf_message(START, chain(RIGHT[0], "right")),
+        (
+            *("foxglove.FrameTransforms", "protobuf"),
+            protobuf("foxglove.FrameTransforms"),
+        ): foxglove_frames(START, chain(RIGHT[0], "right")),
+    }
+    rng = np.random.default_rng(1)
+    told = 0
+    for (schema, encoding, text), data in whole.items():
+        for _ in range(300):
+            broken = bytearray(data[: rng.integers(len(data))] if rng.random() < 0.5 else data)
+            for at in rng.integers(0, max(len(broken), 1), 6):
+                broken[at : at + 1] = bytes([int(rng.integers(256))])
+            try:
+                decode(bytes(broken), schema, encoding, text)
+            except (ValueError, TypeError, KeyError, IndexError, OverflowError, struct.error):
+                told += 1
+    assert told > 300
+    topics: Topics = {"/right": ros(POSE_ARRAY, lambda time, i: pose_array(time, RIGHT[i])[:90])}
+    with pytest.raises(HandtrackError, match="/right, message 0 is no geometry_msgs"):
+        ht.load(write_log(tmp_path / "x.mcap", topics, 3))
