@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 @click.command(short_help="Track a camera, or joints that arrive, as it happens.")
 @click.option("--camera", type=click.IntRange(0), metavar="NUMBER", help="A camera here: 0, 1, ...")
 @click.option("--video", type=click.Path(path_type=Path), help="A video, in its own time.")
-@click.option("--stdin", is_flag=True, help="JSON lines of joints on standard input.")
+@click.option("--stdin", is_flag=True, help="Lines of joints on standard input, JSON or text.")
 @click.option("--udp", metavar="[HOST:]PORT", help="The same in datagrams; here only by default.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="MCAP file to record.")
 @click.option("--no-view", is_flag=True, help="Open no viewer.")
@@ -72,7 +72,9 @@ def live(
 
     Frames that come faster than they can be tracked are dropped, the oldest first, and counted.
     A JSON line is an object as `handtrack track` reads them from .jsonl files: joints_m (21 x
-    3), hand, time_ns; without a time it is stamped with when it comes.
+    3), hand, time_ns; without a time it is stamped with when it comes. Lines of text such as
+    "Right landmarks:, 63 numbers", with "Right wrist:, 7 numbers" before, are read as Hand Tracking
+    Streamer sends them.
     """
     sources = [camera is not None, video is not None, stdin, udp is not None]
     if sum(sources) != 1:

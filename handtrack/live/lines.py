@@ -17,11 +17,13 @@ from handtrack.sequences.assemble import Given, assemble
 from handtrack.sequences.clock import Stamps, read_clock
 from handtrack.sequences.readers.found import is_blank
 from handtrack.sequences.readers.jsontext import decode
+from handtrack.sequences.readers.landmark_lines import LandmarkLines, is_text_line
 from handtrack.sequences.readers.record_times import stamps_of
 from handtrack.sequences.readers.records import read_records
 
 Array = NDArray[np.float64]
 _SECOND = 10**9
+_JSON = (b"{", b"[", b"n")
 _WAITING = 1000
 """So many lines in which nothing was seen wait for the first that says what time is."""
 
@@ -66,7 +68,8 @@ class _Line:
 def from_lines(
     queue: Newest[bytes], source: str, given: Given | None = None, hand: Hand | None = None
 ) -> Iterator[LiveFrame]:
-    """Joints in JSON lines, in any form that `handtrack track` reads from a .jsonl file.
+    """Joints in JSON lines, in any form that `handtrack track` reads from a .jsonl file, or in
+    lines of text such as `Right landmarks:, 63 numbers` (`landmark_lines`).
 
     A line without a time is stamped with when it comes. A line in which nothing was seen is a
     frame; what time is in is told by the first two lines that have one, where its name is silent.
@@ -85,9 +88,8 @@ def from_lines(
     """
     clock = _Clock()
     waiting: list[_Line] = []
-    for n, line in enumerate(queue):
-        came = time.monotonic()
-        read = _read(line, n, came, Path(f"{source}, line {n + 1}"), given or Given(), hand)
+    for n, (value, where) in enumerate(_values(queue, source)):
+        read = _read(value, n, time.monotonic(), where, given or Given(), hand)
         waiting = [*waiting, read][-_WAITING:]
         if clock.knows(waiting):
             yield from clock.frames(waiting)
@@ -96,8 +98,23 @@ def from_lines(
         yield from clock.frames(waiting)
 
 
-def _read(line: bytes, n: int, came: float, where: Path, given: Given, hand: Hand | None) -> _Line:
-    value = decode(line, Any, where)
+def _values(queue: Newest[bytes], source: str) -> Iterator[tuple[Any, Path]]:
+    """What lines hold, JSON or text, and where each is."""
+    where = Path(source)
+    text = LandmarkLines(where)
+    for n, line in enumerate(queue):
+        where = Path(f"{source}, line {n + 1}")
+        if line.lstrip()[:1] in _JSON or not (text.begun or is_text_line(line)):
+            yield decode(line, Any, where), where
+        else:
+            text.where = where
+            for frame in text.take(line):
+                yield frame, where
+    for frame in text.rest():
+        yield frame, where
+
+
+def _read(value: Any, n: int, came: float, where: Path, given: Given, hand: Hand | None) -> _Line:
     read = _Line(n, where, came, {}, {}, stamps_of([value], ["the line"]))
     if is_blank(value):
         return read

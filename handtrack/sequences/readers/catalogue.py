@@ -274,6 +274,15 @@ FORMATS: tuple[Format, ...] = (
         "name of the schema",
     ),
     Format(
+        "Hand Tracking Streamer (Quest, PICO)",
+        "lines `Right wrist:, 7 numbers` and `Right landmarks:, 63 numbers`; a file of them, or"
+        " `live --udp PORT`, `live --stdin`",
+        "handtrack",
+        "m, turned out of Unity's left-handed world",
+        "both",
+        "its text",
+    ),
+    Format(
         "Videos, images",
         ".mp4, .mov, .mkv, .webm, .avi; .jpg, .png, .webp; a folder of images",
         "by MediaPipe",

@@ -28,6 +28,7 @@ from handtrack.sequences.readers.hdf5_file import HDF5_MAGIC, read_hdf5
 from handtrack.sequences.readers.interhand import is_interhand, read_interhand
 from handtrack.sequences.readers.json_file import is_lines, read_json, read_lines
 from handtrack.sequences.readers.jsontext import as_utf8, decode
+from handtrack.sequences.readers.landmark_lines import is_landmark_line, read_landmark_lines
 from handtrack.sequences.readers.parquet_file import PARQUET_MAGIC, read_parquet
 from handtrack.sequences.readers.raw import NotJointsError, Raw
 from handtrack.sequences.readers.rosbag import BAG_MAGIC, BAG_MARK, SQLITE_MAGIC, read_bag
@@ -114,6 +115,8 @@ def _by_content(data: bytes, path: Path) -> list[Raw]:
     start = data.lstrip(_BLANK)[:5]
     if start[:1] in (b"{", b"[") or start.strip() == b"null":
         return _read_json(data, path)
+    if is_landmark_line(data):
+        return read_landmark_lines(data, path)
     return text_table.read_table(data, path)
 
 
