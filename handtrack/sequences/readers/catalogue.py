@@ -133,11 +133,12 @@ FORMATS: tuple[Format, ...] = (
     ),
     Format(
         "Project Aria MPS",
-        "`hand_tracking_results.csv`, versions 1 and 2",
+        "`hand_tracking_results.csv`, versions 1 and 2; in the device's frame",
         "umetrack",
         "m",
         "both",
         "its columns",
+        "`--trajectory closed_loop_trajectory.csv` for the world",
     ),
     Format(
         "EgoDex",

@@ -14,11 +14,13 @@ joint order, 30 frames a second.
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from handtrack.errors import InputError
+from handtrack.sequences.readers.aria import InDevice
 from handtrack.sequences.readers.bare_table import read_bare
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.long_columns import long_columns
@@ -91,7 +93,10 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
             notes=tuple(notes),
         )
         refuse_pictures(raw, table.normalised)
-        raws += by_hand(raw, table, table.titles, columns, label)
+        parts = by_hand(raw, table, table.titles, columns, label)
+        if columns.order == "umetrack":
+            parts = [replace(part, pending=InDevice()) for part in parts]
+        raws += parts
         notes = []
     return raws
 
