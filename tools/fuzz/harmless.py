@@ -19,12 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from tools.fuzz import corpus
+from tools.fuzz import brought, corpus
 
 Files = dict[str, bytes]
 Rewriter = Callable[[bytes, random.Random], bytes]
 _FLOAT = re.compile(rb"(?<![\w.\"'+-])-?\d+\.\d+(?![\w.\"'])")
 NONE = ("own recording", "recording lz4", "recording zstd", "recording none", "mano")
+NONE += brought.ONE_WAY
 """Kinds that only this project writes, which `tools.bench.damage` judges too; and pickles of
 classes that are not here."""
 _CLOSED = ("hand.json",)

@@ -16,6 +16,7 @@ from handtrack.cameras.formats import load_cameras
 from handtrack.hand.hand_file import load_hand, save_hand
 from handtrack.hand.mano_file import read_mano
 from handtrack.hand.model import HandModel
+from tools.fuzz import brought
 from tools.fuzz.corpus import (
     Files,
     Joints,
@@ -149,4 +150,5 @@ def kinds() -> dict[str, Kind]:
         "toml": Kind(lambda j: {"a.toml": (_TOML % _K).encode()}, "a.toml", load_cameras),
         "yaml": Kind(lambda j: {"a.yaml": _YAML.encode()}, "a.yaml", load_cameras),
         "cameras.json": Kind(_panoptic_cameras, "a.json", load_cameras),
+        **brought.kinds(),
     }

@@ -51,6 +51,8 @@ def fitting(data: bytes) -> list[Mutator]:
         return [of_bytes, npy_header, npy_header]
     if data.startswith(b"\x89MCAP"):
         return [of_bytes, in_mcap, in_mcap, in_mcap]
+    if data.startswith(b"\x89HDF") or data[1:2] == b"\x50":
+        return [of_bytes]
     if data.startswith(b"glTF"):
         return [of_bytes, in_glb, in_glb, in_glb]
     if data[:1] == b"\x80" or data[:2] in (b"(d", b"(l"):

@@ -5,6 +5,7 @@ Reads requests from standard input, a line of JSON each, and answers a line each
 
 from __future__ import annotations
 
+import codecs
 import gc
 import json
 import os
@@ -40,6 +41,7 @@ _HARMLESS = {"os.listdir", "os.scandir", "os.walk", "os.fwalk", "shutil.rmtree",
 ONE_NUMBER = ("json bare", "freihand", "csv bare", "interhand")
 """Kinds of text in which nearly every number is of a joint."""
 _OURS = ("handtrack", "numpy", "msgspec", "google", "mcap", "lz4", "zstandard", "scipy", "numba")
+_OURS += ("h5py", "c3d")
 
 
 class Watch:
@@ -90,6 +92,7 @@ class Runner:
     """
 
     def __init__(self, folder: Path) -> None:
+        codecs.lookup("latin-1")  # loaded at its first use
         self.folder, self.watch = folder, Watch()
         self.kinds = targets()
         joints = corpus.motion()

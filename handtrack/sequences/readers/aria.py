@@ -25,6 +25,8 @@ NAME = "closed_loop_trajectory.csv"
 _TIME = "tracking_timestamp_us"
 _PLACE = tuple(f"t{a}_world_device" for a in "xyz")
 _TURN = tuple(f"q{a}_world_device" for a in "wxyz")
+FARTHEST = 1e6
+"""[m] No device is farther from where it began."""
 _GAP_US = 100_000
 """Poses farther apart tell nothing of the time between them."""
 
@@ -93,8 +95,11 @@ def read_trajectory(path: Path) -> tuple[Array, Array, Array]:
     values = table.numbers([titles.index(t) for t in wanted], wanted)
     values = values[np.isfinite(values).all(1)]
     values = values[np.argsort(values[:, 0], kind="stable")]
-    if not len(values) or not (np.linalg.norm(values[:, 1:5], axis=1) > 1e-6).all():
-        raise InputError("a pose of the device is no rotation", path)
+    if not len(values) or np.abs(values[:, 5:8]).max() > FARTHEST:
+        raise InputError("no pose in it, or one far from everything", path)
+    length = (np.clip(values[:, 1:5], -2, 2) ** 2).sum(1)
+    if not ((length > 0.5) & (length < 2)).all():
+        raise InputError("a pose of the device is no rotation: its quaternion is not of 1", path)
     first = np.concatenate([[True], np.diff(values[:, 0]) > 0])
     values = values[first]
     return values[:, 0], values[:, 1:5], values[:, 5:8]

@@ -139,8 +139,8 @@ class _Building:
         if word == "CHANNELS" and self.open:
             count = int(rest[0]) if rest and rest[0].isdigit() and len(rest[0]) < 3 else -1
             given = rest[1 : 1 + count]
-            if len(given) == count:
-                node = self.nodes[self.open[-1]]
+            node = self.nodes[self.open[-1]]
+            if len(given) == count and not node.channels:
                 node.channels = _channels(given, self.columns, line, self.path)
                 self.columns += count
                 return rest[1 + count :]
@@ -179,7 +179,7 @@ def _motion(lines: list[str], at: int, path: Path) -> tuple[float, list[tuple[in
     while at < len(lines) and len(said) < 2:
         key, colon, value = lines[at].partition(":")
         if colon:
-            said[key.strip().lower()] = value.strip()
+            said[" ".join(key.split()).lower()] = value.strip()
         elif lines[at].strip():
             break
         at += 1

@@ -21,6 +21,8 @@ from handtrack.sequences.readers.hdf5_file import dataset, member, said
 from handtrack.sequences.readers.raw import Raw, stem
 from handtrack.sequences.readers.umetrack import N_HINGES, Angles
 
+_LARGEST = 1e3
+
 
 def read(file: Any, path: Path) -> list[Raw] | None:
     """The hand of an open HDF5 file; None where it is none of emg2pose.
@@ -43,6 +45,8 @@ def read(file: Any, path: Path) -> list[Raw] | None:
         raise InputError(
             f"joint_angles have shape {angles.shape}, expected (frames, {N_HINGES})", path
         )
+    if not (np.abs(angles) < _LARGEST).all():
+        raise InputError("a joint angle is no number of radians", path)
     times = np.asarray(table["time"], dtype=np.float64)
     side = as_side(said(group.attrs, "side")) or _in_name(path)
     if side is None:

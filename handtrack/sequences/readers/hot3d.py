@@ -30,6 +30,7 @@ _HANDS: dict[str, Hand] = {"0": "left", "1": "right"}
 _MASKS = ("mask_qa_pass.csv", "mask_hand_pose_available.csv")
 _LARGEST_MASK = 100_000_000
 _SAME_NS = 1_000_000
+_LARGEST = 1e6
 _TRUTHS = {"true": True, "false": False, "1": True, "0": False}
 
 
@@ -116,8 +117,9 @@ def _with_values(raw: Raw, rows: list[Any], places: list[str], path: Path) -> Ra
         elif isinstance(row.get("hand_confidence"), int | float):
             sure[t] = row["hand_confidence"]
     seen = np.isfinite(turn).all(1)
-    if (np.linalg.norm(turn[seen], axis=1) < 1e-6).any():
-        raise InputError("a wrist's q_wxyz is 0: no rotation", path)
+    length = np.linalg.norm(turn[seen], axis=1)
+    if not ((length > 0.5) & (length < 2)).all():
+        raise InputError("a wrist's q_wxyz is no rotation: a quaternion has the length 1", path)
     rotation = quaternion_to_matrix(np.where(seen[:, None], turn, [1.0, 0.0, 0.0, 0.0]))
     if not mano:
         raw.pending = Angles(values, rotation, np.nan_to_num(move))
@@ -141,7 +143,7 @@ def _numbers(given: Any, n: int, where: str, path: Path) -> Array:
         array = np.array(given, dtype=np.float64)
     except (ValueError, TypeError, OverflowError):
         array = np.zeros(0)
-    if array.ndim != 1 or len(array) < n or not np.isfinite(array[:n]).all():
+    if array.ndim != 1 or len(array) < n or not (np.abs(array[:n]) < _LARGEST).all():
         raise InputError(f"{where} is not {n} numbers", path)
     return array[:n]
 
