@@ -24,8 +24,10 @@ from tools.fuzz import brought, corpus
 Files = dict[str, bytes]
 Rewriter = Callable[[bytes, random.Random], bytes]
 _FLOAT = re.compile(rb"(?<![\w.\"'+-])-?\d+\.\d+(?![\w.\"'])")
-NONE = ("own recording", "recording lz4", "recording zstd", "recording none", "mano")
-NONE += brought.ONE_WAY
+NONE = (
+    *("own recording", "recording lz4", "recording zstd", "recording none", "mano"),
+    *brought.ONE_WAY,
+)
 """Kinds that only this project writes, which `tools.bench.damage` judges too; and pickles of
 classes that are not here."""
 _CLOSED = ("hand.json",)

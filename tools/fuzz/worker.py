@@ -40,8 +40,10 @@ _FORBIDDEN = {
 _HARMLESS = {"os.listdir", "os.scandir", "os.walk", "os.fwalk", "shutil.rmtree", "os.putenv"}
 ONE_NUMBER = ("json bare", "freihand", "csv bare", "interhand")
 """Kinds of text in which nearly every number is of a joint."""
-_OURS = ("handtrack", "numpy", "msgspec", "google", "mcap", "lz4", "zstandard", "scipy", "numba")
-_OURS += ("h5py", "c3d")
+_OURS = (
+    *("handtrack", "numpy", "msgspec", "google", "mcap", "lz4", "zstandard", "scipy", "numba"),
+    *("h5py", "c3d"),
+)
 
 
 class Watch:
