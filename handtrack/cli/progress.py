@@ -46,14 +46,14 @@ def compiling_said(quiet: bool) -> Iterator[None]:
 def warm_up(settings: TrackerSettings) -> None:
     """Have the machine code ready that tracking by these settings needs."""
     from handtrack.fitting import fit
-    from handtrack.tracking import filters
+    from handtrack.hand.model import HandModel
+    from handtrack.tracking.tracker import Tracker
 
-    fit.warm_up()
-    filters.warm_up(settings)
-    if settings.fit.update != "exact":  # a solver that is loaded, or compiled, when asked for
-        import handtrack as ht
-
-        ht.fit(hand := ht.HandModel.default(), hand.rest_joints, update=settings.fit.update)
+    hand = HandModel.default()
+    tracker = Tracker(hand, settings=settings)
+    tracker.push(hand.rest_joints, 0)
+    tracker.finish()
+    fit.warm_up()  # what calibration takes
 
 
 class Progress:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from handtrack.kernels import bends, covariance, workspace
 from handtrack.kernels import frame_loop as frames
 from handtrack.kernels.compiled import addresses
 from handtrack.kernels.newton import newton
+from handtrack.read_only import read_only
 
 Array = NDArray[np.float64]
 
@@ -37,9 +39,17 @@ STATUS = {
 class Program:
     """Which compiled solvers fit a frame, and their settings."""
 
-    def __init__(self, settings: FitSettings | None = None, **options: Any):
+    def __init__(
+        self,
+        settings: FitSettings | None = None,
+        *,
+        meanwhile: Callable[[], object] | None = None,
+        **options: Any,
+    ):
         """Args:
         settings, options: as in `fit`.
+        meanwhile: is called where there is to be compiled, so that what it compiles is done at
+            the same time.
 
         Raises:
             SettingsError: an option is unknown, or a value makes no sense.
@@ -52,7 +62,9 @@ class Program:
             from handtrack.kernels.descent import bcd_exact as bcd
         if (update, method) == ("exact", "newton"):
             parts = newton, bcd, bends.other_bends, covariance.unit_covariance
-            step, sweep, other, known = addresses(*parts, meanwhile=_load_loop)
+            beside = load_loop if meanwhile else None
+            found = addresses(*parts, meanwhile=meanwhile or load_loop, beside=beside)
+            step, sweep, other, known = found
         else:
             sweep, known = addresses(bcd, covariance.unit_covariance)
             step = other = 0
@@ -183,7 +195,7 @@ class Results:
             program.contacts(model),
             program.solvers,
             (*program.settings, min_joints, int(alone)),
-            start,
+            read_only(start),  # always, or the loop is compiled once more
             keep,
             targets,
             weights,
@@ -321,7 +333,7 @@ def start_at(model: HandModel, start: Fit | ArrayLike | None = None) -> Array:
     return keep
 
 
-def _load_loop() -> None:
+def load_loop() -> None:
     """Load the frame loop's machine code, or compile it: run it with no frame."""
     model = HandModel.default()
     none = np.empty((0, N_JOINTS, 3)), np.empty((0, N_JOINTS))

@@ -132,29 +132,37 @@ class Solver:
         return any(Path(store.cache_path).glob(f"*.{self.function.__qualname__}-*.nbi"))
 
 
-def addresses(*solvers: Solver, meanwhile: Callable[[], object] | None = None) -> tuple[int, ...]:
+def addresses(
+    *solvers: Solver,
+    meanwhile: Callable[[], object] | None = None,
+    beside: Callable[[], object] | None = None,
+) -> tuple[int, ...]:
     """The solvers' addresses. What is to be compiled is compiled on two cores.
 
     Args:
         solvers: the first one, the longest to compile, is compiled here, the others in a second
             process, into the shared cache.
         meanwhile: is called here while the second process may still compile.
+        beside: is called there, at last; a function of some module.
     """
     missing = [solver for solver in solvers[1:] if not solver.ready]
-    beside = None
+    second = None
     if missing and not solvers[0].ready:
         code = f"import sys; sys.path[:] = {sys.path}"
         for solver in missing:
             module = solver.function.__module__
             code += f"; import {module}; {module}.{solver.name}.address"
+        if beside is not None:
+            name = beside.__name__
+            code += f"; from {beside.__module__} import {name}; {name}()"
         # should it fail, the code is made here
-        beside = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL)
+        second = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL)
     first = solvers[0].address
-    if beside is not None:
+    if second is not None:
         if meanwhile is not None:
             with uncollected():
                 meanwhile()
-        beside.wait()
+        second.wait()
     return (first, *(solver.address for solver in solvers[1:]))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from handtrack.errors import InputError, SettingsError
 from handtrack.fitting import solver
 from handtrack.hand.model import HandModel
 from handtrack.kernels import workspace
-from handtrack.tracking.filters import make_filter
+from handtrack.tracking.filters import make_filter, warm_up
 from handtrack.tracking.frame import TrackedFrame
 from handtrack.tracking.gating import PLAIN, REJECTED, Gate, Verdict
 from handtrack.tracking.kalman import Frames
@@ -59,7 +60,9 @@ class Tracker:
         """
         self.model = model
         self.chosen = TrackerSettings.of(settings, options)
-        self._program = solver.Program(self.chosen.fit)
+        estimates = self.chosen.filter.name not in ("none", "one-euro")
+        meanwhile = partial(warm_up, self.chosen) if estimates else None
+        self._program = solver.Program(self.chosen.fit, meanwhile=meanwhile)
         self._gate = Gate(self._program, model, self.chosen) if self.chosen.gate else None
         self._filter = make_filter(self.chosen, model)
         self._coast_ns = self.chosen.coast_ns
