@@ -66,3 +66,7 @@ class SettingsError(HandtrackError, ValueError):
 
 class ModelError(HandtrackError):
     """A hand model is inconsistent or lacks what was asked of it."""
+
+
+class NoHandError(HandtrackError):
+    """There is no hand in any picture: the job failed, the input is sound."""

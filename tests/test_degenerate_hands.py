@@ -88,7 +88,9 @@ def test_tracked_without_what_was_not_seen(tmp_path, capsys, name, calibrate):
     file = saved(tmp_path / "a.npz", TRACKED[name])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        status = run(["track", file, "-o", str(tmp_path / "o.mcap"), "--json", calibrate])
+        status = run(
+            ["track", file, "-o", str(tmp_path / "o.mcap"), "--json", calibrate, "--overwrite"]
+        )
     out = capsys.readouterr()
     assert status == 0, out.err
     (row,) = json.loads(out.out)["sequences"]
@@ -100,7 +102,7 @@ def test_refused_in_one_line_that_names_the_file(tmp_path, capsys, name):
     file = saved(tmp_path / "a.npz", REFUSED[name])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        status = run(["track", file, "-o", str(tmp_path / "o.mcap")])
+        status = run(["track", file, "-o", str(tmp_path / "o.mcap"), "--overwrite"])
     error = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
     assert status in (1, 2)
     assert len(error) == 1
@@ -151,7 +153,12 @@ def test_a_hand_that_explains_its_input_badly_is_doubted(tmp_path, capsys):
     assert doubt(track.settings["calibration"]) is not None
     for said in (warned, [event.text for event in track.events]):
         assert any("any hand of rigid bones" in text and "--mirror" in text for text in said)
-    assert run(["track", str(tmp_path / "a.npz"), "-o", str(recording), "--mirror", "z"]) == 0
+    assert (
+        run(
+            ["track", str(tmp_path / "a.npz"), "-o", str(recording), "--mirror", "z", "--overwrite"]
+        )
+        == 0
+    )
     assert "--mirror" not in capsys.readouterr().err
 
 

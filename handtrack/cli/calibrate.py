@@ -11,7 +11,7 @@ import click
 from handtrack.cli.inputs import Reading, reading_options
 from handtrack.cli.models import model_options, take_models
 from handtrack.cli.options import json_option, quiet_option
-from handtrack.cli.outputs import check_target
+from handtrack.cli.outputs import check_target, overwrite_option
 from handtrack.cli.progress import compiling_said
 from handtrack.errors import InputError, SettingsError
 
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="The hand's file.",
 )
+@overwrite_option
 @click.option(
     "--method",
     type=click.Choice(["full", "lengths", "proportions", "scale"]),

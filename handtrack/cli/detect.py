@@ -9,7 +9,7 @@ import click
 
 from handtrack.cli.inputs import Reading
 from handtrack.cli.options import json_option, quiet_option
-from handtrack.cli.outputs import check_target
+from handtrack.cli.outputs import check_target, overwrite_option
 from handtrack.cli.progress import progress_shown
 from handtrack.errors import SettingsError
 
@@ -17,6 +17,7 @@ from handtrack.errors import SettingsError
 @click.command(short_help="Find the hands in a video or in images.")
 @click.argument("input", required=False, type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help=".npz file to write.")
+@overwrite_option
 @click.option(
     "--model", type=click.Path(path_type=Path), help="A hand_landmarker.task, kept from then on."
 )
@@ -56,16 +57,14 @@ def detect(
     from handtrack.video.detections import detect as find
     from handtrack.video.media import count
 
-    if output is not None:
-        check_target(output, ".npz", "-o")
+    output = output or Path(f"{input.resolve().stem}.npz")
+    check_target(output, ".npz", "-o", [input])
     span = Reading(frames=frames).frame_range
     total = count(input)
     if span is not None:
         total = max(min(total, span[1] + 1) - span[0], 1)
     with progress_shown(total, quiet or as_json, "detecting") as progress:
         found = find(input, model=model, fps=fps, frames=span, progress=progress.frames)
-    if output is None:
-        output = Path(f"{input.resolve().stem}.npz")
     output.parent.mkdir(parents=True, exist_ok=True)
     found.save(output)
     seen = {hand: int((found.score[hand] > 0).sum()) for hand in found.hands}

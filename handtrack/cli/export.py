@@ -11,6 +11,7 @@ import click
 from handtrack.cli.inputs import recordings
 from handtrack.cli.models import model_options, take_models
 from handtrack.cli.options import json_option, part_options, quiet_option
+from handtrack.cli.outputs import overwrite_option, refuse_existing
 from handtrack.errors import SettingsError
 
 
@@ -44,6 +45,7 @@ from handtrack.errors import SettingsError
     metavar="FRAME",
     help="urdf, mjcf: fix the wrist, or let it float in the input's frame of that name.",
 )
+@overwrite_option
 @part_options
 @model_options
 @json_option
@@ -77,6 +79,7 @@ def export(
     tracked into a .glb; without it bones are drawn.
     """
     import handtrack as ht
+    from handtrack.exporting.files import targets
     from handtrack.recording.read import read_part
 
     found = recordings((input,))
@@ -96,6 +99,7 @@ def export(
         if folder and input.is_dir():
             target = output / path.relative_to(input).with_suffix(f".{to}")
         tracks = [given.dressed(track) for track in read_part(path, hand, start, end)]
+        refuse_existing(targets(tracks, target), "another name keeps what is there")
         target.parent.mkdir(parents=True, exist_ok=True)
         made = ht.export(tracks, target, raw=raw, up=up, unit=unit, base=base)
         written += made

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from handtrack import Sequence, Track
     from handtrack.evaluation.measure import Estimate
     from handtrack.hand.skeleton import Hand
+    from handtrack.sequences.load import PassedOver
     from handtrack.video.detections import Detections
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
@@ -53,30 +54,46 @@ class Reading(NamedTuple):
 
         if found is None and pictures_in(path) is not None:
             found = self.detect(path, quiet)
-        if found is not None:
-            sequences = self._labelled(found)
-        else:
-            sequences = ht.load(
-                path,
-                hand=None if self.hand == "auto" else self.hand,
-                unit=self.unit,
-                order=self.order,
-                fps=self.fps,
-                frames=self.frame_range,
-                format=self.format,
-                mano=self.mano,
-                mano_tips=self.mano_tips,
-                time_unit=self.time_unit,
-                max_size=self.max_size,
-                mirror=self.mirror,
-                profile=self.profile,
-                trajectory=self.trajectory,
-                markers=self.markers,
-            )
+        sequences = ht.load(path, **self._options) if found is None else self.labelled(found)
+        self.say_notes(sequences, quiet)
+        return sequences
+
+    def load_folder(self, path: Path, quiet: bool) -> tuple[list[Sequence], list[PassedOver]]:
+        """The joint sequences in a folder, and the files that are none, or damaged.
+
+        Raises:
+            InputError: there is no joint sequence in it.
+        """
+        from handtrack.sequences.load import load_some
+
+        sequences, passed_over = load_some(path, **self._options)
+        self.say_notes(sequences, quiet)
+        return sequences, passed_over
+
+    @property
+    def _options(self) -> dict[str, Any]:
+        """As `handtrack.load` takes them."""
+        given = self._asdict() | {"frames": self.frame_range}
+        return given | {"hand": None if self.hand == "auto" else self.hand}
+
+    @staticmethod
+    def say_notes(sequences: list[Sequence], quiet: bool) -> None:
+        """Print what the user should know of sequences."""
         for sequence in sequences if not quiet else ():
             for note in sequence.notes:
                 click.echo(f"warning: {sequence.name}: {note}", err=True)
-        return sequences
+
+    def check_pictures(self, path: Path) -> None:
+        """Refuse options that pictures have no use for.
+
+        Raises:
+            SettingsError: one is given.
+        """
+        if any(o is not None for o in (self.unit, self.order, self.format, self.mirror)):
+            raise SettingsError(
+                f"{path}: --unit, --order, --format and --mirror are for joint sequences, not"
+                " pictures"
+            )
 
     def detect(self, path: Path, quiet: bool = False) -> Detections:
         """The hands in a video or in images."""
@@ -84,15 +101,12 @@ class Reading(NamedTuple):
         from handtrack.video.detections import detect
         from handtrack.video.media import count
 
-        if any(o is not None for o in (self.unit, self.order, self.format, self.mirror)):
-            raise SettingsError(
-                f"{path}: --unit, --order, --format and --mirror are for joint sequences, not"
-                " pictures"
-            )
+        self.check_pictures(path)
         with progress_shown(count(path), quiet, "detecting") as progress:
             return detect(path, fps=self.fps, frames=self.frame_range, progress=progress.frames)
 
-    def _labelled(self, found: Detections) -> list[Sequence]:
+    def labelled(self, found: Detections) -> list[Sequence]:
+        """The joints of detected hands, labelled as the user wants them."""
         from handtrack.sequences.hands import CHOICES, label_hands
 
         labels: list[Hand | None] = list(found.hands)

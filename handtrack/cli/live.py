@@ -22,7 +22,7 @@ from handtrack.cli.options import (
     take_tracking,
     tracking_options,
 )
-from handtrack.cli.outputs import RECORDINGS, check_target
+from handtrack.cli.outputs import RECORDINGS, check_target, overwrite_option
 from handtrack.cli.progress import compiling_said, warm_up
 from handtrack.errors import HandtrackError, SettingsError
 
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 @click.option("--stdin", is_flag=True, help="Lines of joints on standard input, JSON or text.")
 @click.option("--udp", metavar="[HOST:]PORT", help="The same in datagrams; here only by default.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="MCAP file to record.")
+@overwrite_option
 @click.option("--no-view", is_flag=True, help="Open no viewer.")
 @connect_option
 @click.option("--hand", type=click.Choice(["left", "right"]), help="Only this hand.")
@@ -80,7 +81,7 @@ def live(
     if sum(sources) != 1:
         raise SettingsError("choose one source: --camera, --video, --stdin or --udp")
     if output is None:
-        output = RECORDINGS / "live.mcap"
+        output = _free_name()
     check_target(output, ".mcap", "-o")
     (settings, limits), recording = take_tracking(options), take_recording(options)
     if settings.filter.name == "rts":
@@ -119,6 +120,12 @@ def live(
         click.echo(f"{count.sentence} -> {output}")
     if not any(count.seen.values()):
         raise HandtrackError(f"no hand was seen in {count.frames:,} frames")
+
+
+def _free_name() -> Path:
+    """recordings/live.mcap, or with the first number of which there is none yet."""
+    names = ("live.mcap", *(f"live-{n}.mcap" for n in range(2, 100_000)))
+    return next(path for name in names if not (path := RECORDINGS / name).exists())
 
 
 def _source(

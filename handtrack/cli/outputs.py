@@ -5,24 +5,64 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+import click
 
 from handtrack.errors import SettingsError
 
 if TYPE_CHECKING:
     from handtrack import McapRecorder, Sequence
+    from handtrack.cli.sources import Item
     from handtrack.mcap.state import Stretch
     from handtrack.recording.settings import RecordingSettings
 
 RECORDINGS = Path("recordings")
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+_OVERWRITE = "handtrack.overwrite"
+
+
+def _keep_overwrite(context: click.Context, option: click.Parameter, value: bool) -> None:
+    context.meta[_OVERWRITE] = value
+
+
+def overwrite_option(command: _Command) -> _Command:
+    """Give a command the option that lets `check_target` pass files that are there already."""
+    return click.option(
+        "--overwrite",
+        is_flag=True,
+        expose_value=False,
+        callback=_keep_overwrite,
+        help="Replace files that are there already.",
+    )(command)
+
+
+def refuse_existing(paths: Iterable[Path], cure: str) -> None:
+    """Refuse to replace files that are there already, unless --overwrite is given.
+
+    Args:
+        paths: what is to be written.
+        cure: what else the user could do, as in "-o gives another name".
+
+    Raises:
+        SettingsError: some are there.
+    """
+    context = click.get_current_context(silent=True)
+    if context is not None and context.meta.get(_OVERWRITE):
+        return
+    there = [path for path in paths if path.exists()]
+    if there:
+        more = f" and {len(there) - 1} more are" if len(there) > 1 else " is"
+        what = "them" if len(there) > 1 else "it"
+        raise SettingsError(f"{there[0]}{more} there already: --overwrite replaces {what}, {cure}")
 
 
 class Job(NamedTuple):
-    """The sequences that go into one recording, and where it goes."""
+    """What goes into one recording, and where it goes."""
 
-    sequences: list[Sequence]
+    items: list[Item]
     mcap: Path
     rrd: Path | None
 
@@ -33,53 +73,66 @@ class Job(NamedTuple):
 
 
 def jobs(
-    sequences: list[Sequence], source: Path, output: Path | None, rrd: Path | None
+    items: list[Item], inputs: Iterable[Path], output: Path | None, rrd: Path | None
 ) -> list[Job]:
-    """One recording for each source file, or one of everything where the output is one file.
+    """One recording for each source, or one of everything where the output is one file.
 
     Args:
-        sequences: what was read.
-        source: the file or folder that they were read from.
+        items: what is to be tracked.
+        inputs: what the user named.
         output: an .mcap file or a folder; by default in recordings/.
         rrd: an .rrd file or a folder, or None.
 
     Raises:
-        SettingsError: an output has another ending, cannot be written, or is the input.
+        SettingsError: an output has another ending, cannot be written, is the input, or there
+            already.
     """
-    groups: dict[str, list[Sequence]] = {}
     together = any(path is not None and not _is_folder(path) for path in (output, rrd))
-    for sequence in sequences:
-        groups.setdefault("" if together else sequence.source, []).append(sequence)
-    if output is None:
-        # those of a folder stay together
-        output = RECORDINGS / source.resolve().name if len(groups) > 1 else RECORDINGS
-    sources = [Path(sequence.source) for sequence in sequences if sequence.source]
-    names = _names([source] if together else [Path(file) for file in groups])
+    groups = [items] if together else [[item] for item in items]
+    names = names_of([next(iter(inputs))] if together else [item.source for item in items])
+    sources = [Path(file) for item in items for file in item.files]
     made = []
-    for name, group in zip(names, groups.values(), strict=True):
-        mcap = output / f"{name}.mcap" if _is_folder(output) else output
-        check_target(mcap, ".mcap", "-o", sources)
+    for name, group in zip(names, groups, strict=True):
+        if output is None:
+            mcap = RECORDINGS / f"{_default(group, list(inputs), rrd)}.mcap"
+        else:
+            mcap = output / f"{name}.mcap" if _is_folder(output) else output
         shown = rrd / f"{name}.rrd" if rrd is not None and _is_folder(rrd) else rrd
-        if shown is not None:
-            check_target(shown, ".rrd", "--rrd")
         made.append(Job(group, mcap, shown))
+    for job in made:
+        check_target(job.mcap, ".mcap", "-o", sources, new=False)
+        if job.rrd is not None:
+            check_target(job.rrd, ".rrd", "--rrd", new=False)
+    refuse_existing([file for job in made for file in job.files], "-o and --rrd give other names")
     return made
 
 
-def recorder(job: Job, recording: RecordingSettings) -> McapRecorder:
-    """What writes a job's recording while its sequences are tracked.
+def _default(group: list[Item], inputs: list[Path], rrd: Path | None) -> str:
+    """Where a recording goes in recordings/ if nobody says."""
+    if len(group) > 1:
+        return rrd.stem if rrd is not None and len(inputs) > 1 else default_name(inputs[0])
+    (item,) = group
+    if item.folder is None:
+        return default_name(item.source)
+    # those of a folder stay together
+    return str(Path(default_name(item.folder)) / item.name)
+
+
+def recorder(mcap: Path, sequences: list[Sequence], recording: RecordingSettings) -> McapRecorder:
+    """What writes a recording while its sequences are tracked.
 
     Args:
-        job: what goes into it.
+        mcap: the file.
+        sequences: what goes into it.
         recording: as `take_recording` takes it.
     """
     from handtrack import McapRecorder
 
-    job.mcap.parent.mkdir(parents=True, exist_ok=True)
+    mcap.parent.mkdir(parents=True, exist_ok=True)
     return McapRecorder(
-        job.mcap,
-        hands=[(sequence.name, sequence.hand) for sequence in job.sequences],
-        start_ns=min(int(sequence.time_ns[0]) for sequence in job.sequences),
+        mcap,
+        hands=[(sequence.name, sequence.hand) for sequence in sequences],
+        start_ns=min(int(sequence.time_ns[0]) for sequence in sequences),
         recording=recording,
     )
 
@@ -110,7 +163,9 @@ class Stretches:
         self.seconds += time.perf_counter() - start
 
 
-def check_target(path: Path, suffix: str, option: str, inputs: Iterable[Path] = ()) -> None:
+def check_target(
+    path: Path, suffix: str, option: str, inputs: Iterable[Path] = (), new: bool = True
+) -> None:
     """Refuse a file that cannot be written, before the work begins.
 
     Args:
@@ -118,10 +173,11 @@ def check_target(path: Path, suffix: str, option: str, inputs: Iterable[Path] = 
         suffix: what its name must end in.
         option: that it was given by.
         inputs: files that are read, which it may not take the place of.
+        new: refuse it, too, if it is there already and --overwrite is not given.
 
     Raises:
-        SettingsError: it is a folder or an input, its name does not end in the suffix, or its
-            folder can be neither made nor written to.
+        SettingsError: it is a folder or an input, or there already without --overwrite; its name
+            does not end in the suffix, or its folder can be neither made nor written to.
     """
     for given in inputs if path.exists() else ():
         if given.exists() and path.samefile(given):
@@ -132,6 +188,8 @@ def check_target(path: Path, suffix: str, option: str, inputs: Iterable[Path] = 
         raise SettingsError(f"{path} is a folder, expected the name of a file to write")
     if path.suffix != suffix:
         raise SettingsError(f"{option} {path}: expected a name that ends in {suffix}")
+    if new:
+        refuse_existing([path], f"{option} gives another name")
     above = next(folder for folder in path.absolute().parents if folder.exists())
     if not above.is_dir():
         raise SettingsError(f"{path} cannot be written: {above} is no folder")
@@ -143,14 +201,38 @@ def _is_folder(path: Path) -> bool:
     return path.is_dir() or not path.suffix
 
 
-def _names(sources: list[Path]) -> list[str]:
-    """Different names for recordings: those of the sources without endings, if they can be."""
+def default_name(source: Path) -> str:
+    """The name of what is made of a source: its path from here, without endings.
+
+    So `a/take.json` and `b/take.json` get different ones, whoever tracks them, and when.
+    """
+    path = source.resolve()
+    # a Panoptic sequence is named by the folder around hdHand3d
+    path = path.parent if path.name == "hdHand3d" else path
+    try:
+        parts = Path(os.path.relpath(path.parent)).parts
+    except ValueError:  # another drive
+        parts = path.parent.parts[1:]
+    named = [part for part in parts if part not in (os.curdir, os.pardir)]
+    return "-".join([*named, _plain(path)])
+
+
+def _plain(path: Path) -> str:
+    """A file's name without endings, or a folder's."""
+    from handtrack.files.pictures import pictures_in
     from handtrack.sequences.readers.raw import stem
 
+    if path.is_dir():
+        return path.name
+    return path.stem if path.is_file() and pictures_in(path) is not None else stem(path)
+
+
+def names_of(sources: list[Path]) -> list[str]:
+    """Different names for recordings: those of the sources without endings, if they can be."""
     paths = [source.resolve() for source in sources]
     # a Panoptic sequence is named by the folder around hdHand3d
     paths = [path.parent if path.name == "hdHand3d" else path for path in paths]
-    names = [path.name if path.is_dir() else stem(path) for path in paths]
+    names = [_plain(path) for path in paths]
     names = [
         f"{path.parent.name}-{name}" if names.count(name) > 1 else name
         for path, name in zip(paths, names, strict=True)

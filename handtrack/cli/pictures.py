@@ -9,13 +9,11 @@ import click
 
 from handtrack.cli.inputs import Reading
 from handtrack.cli.models import Models
-from handtrack.cli.outputs import RECORDINGS, check_target
+from handtrack.cli.outputs import check_target
 from handtrack.errors import InputError, SettingsError
 
 if TYPE_CHECKING:
     from handtrack import Sequence, Track
-    from handtrack.recording.settings import RecordingSettings
-    from handtrack.video.detections import Detections
     from handtrack.video.placing import Seen
     from handtrack.viewer.picture_log import PictureView
 
@@ -40,17 +38,20 @@ def picture_options(command: Any) -> Any:
     return command
 
 
-def check_overlay(path: Path, pictures: list[Seen], source: Path) -> None:
+def check_overlay(path: Path, read: list[Path]) -> None:
     """Refuse a picture of the result that cannot be made, before the work begins.
+
+    Args:
+        path: of the overlay.
+        read: files that are read; none of pictures.
 
     Raises:
         SettingsError: there are no pictures, or the file cannot be written.
     """
-    if not pictures:
-        raise SettingsError(f"--overlay: {source} is neither a video nor an image")
+    if not read:
+        raise SettingsError(f"--overlay {path}: the input is neither a video nor an image")
     if path.suffix not in (".mp4", ".png"):
         raise SettingsError(f"--overlay {path}: expected a name that ends in .mp4 or .png")
-    read = [source, *(Path(seen.source) for seen in pictures)]
     check_target(path, path.suffix, "--overlay", read)
 
 
@@ -126,30 +127,3 @@ def for_viewer(tracks: list[Track], pictures: list[Seen]) -> list[PictureView]:
     from handtrack.video.viewer_pictures import picture_view
 
     return [picture_view(camera, tracks) for camera in pictures]
-
-
-def detected(
-    source: Path, reading: Reading, output: Path | None, recording: RecordingSettings, quiet: bool
-) -> tuple[Detections, list[Seen]]:
-    """The hands in a video or in images, and the pictures.
-
-    Pictures without a hand give a recording that is complete, and empty.
-
-    Raises:
-        NoHandError: there is no hand in any picture.
-    """
-    from handtrack.recording.recorder import McapRecorder
-    from handtrack.video.detections import NoHandError
-    from handtrack.video.placing import Seen
-
-    try:
-        found = reading.detect(source, quiet)
-    except NoHandError:
-        path = output or RECORDINGS
-        path = path if path.suffix == ".mcap" else path / f"{source.stem}.mcap"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        McapRecorder(
-            path, hands=[(source.stem, "right")], source=str(source), recording=recording
-        ).close()
-        raise
-    return found, [Seen.alone(found)]

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from handtrack.cli.options import quiet_option
-from handtrack.cli.outputs import check_target
+from handtrack.cli.outputs import check_target, overwrite_option
 from handtrack.errors import SettingsError
 
 
@@ -19,6 +19,7 @@ from handtrack.errors import SettingsError
     type=click.Path(path_type=Path),
     help="The new file; NAME.mcap of NAME.mcap.part.",
 )
+@overwrite_option
 @quiet_option
 def recover(file: Path, output: Path | None, quiet: bool) -> None:
     """Make a clean recording of FILE, the part that a stopped run left, or a damaged file.
@@ -30,9 +31,9 @@ def recover(file: Path, output: Path | None, quiet: bool) -> None:
     if output is None:
         name = file.name.partition(".mcap")[0] + ".mcap"
         output = file.with_name(name)
-        if file.suffix != ".part" or output.exists():
+        if file.suffix != ".part":
             raise SettingsError(f"where {file} is to be recovered to is not said: give -o OUT.mcap")
-    check_target(output, ".mcap", "-o")
+    check_target(output, ".mcap", "-o", [file])
     output.parent.mkdir(parents=True, exist_ok=True)
     found = run(file, output)
     if quiet:

@@ -9,13 +9,14 @@ import click
 from handtrack.cli.inputs import recordings
 from handtrack.cli.live_view import connect_option
 from handtrack.cli.options import part_options, quiet_option
-from handtrack.cli.outputs import check_target
+from handtrack.cli.outputs import check_target, overwrite_option
 from handtrack.errors import SettingsError
 
 
 @click.command(short_help="Show recordings in Rerun.")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--save", type=click.Path(path_type=Path), help="Write a Rerun file instead.")
+@overwrite_option
 @click.option("--web", is_flag=True, help="Serve the browser viewer on 127.0.0.1.")
 @click.option(
     "--port", type=click.IntRange(1, 65535), metavar="PORT", help="Port of the browser viewer."

@@ -17,13 +17,14 @@ from handtrack.cli.options import (
     take_tracking,
     tracking_options,
 )
-from handtrack.cli.outputs import check_target
+from handtrack.cli.outputs import check_target, overwrite_option
 from handtrack.cli.progress import compiling_said
 
 
 @click.command(short_help="Track the input of a recording again.")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="MCAP file.")
+@overwrite_option
 @tracking_options
 @model_options
 @recording_options

@@ -13,7 +13,7 @@ import click
 from handtrack.cli.inputs import Reading, Truths, estimates, reading_options
 from handtrack.cli.models import mano_options
 from handtrack.cli.options import is_default, json_option
-from handtrack.cli.outputs import check_target
+from handtrack.cli.outputs import check_target, overwrite_option
 from handtrack.errors import SettingsError
 from handtrack.files.whole import whole_file
 
@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Of a data set: how many of the worst clips to name.",
 )
+@overwrite_option
 @mano_options
 @json_option
 @reading_options

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from handtrack.cli.inputs import Reading, reading_options
+from handtrack.cli.job import Made, Work
 from handtrack.cli.live_view import live_options, live_view
 from handtrack.cli.models import hand_model_option, model_options, take_models
 from handtrack.cli.options import (
@@ -21,19 +21,18 @@ from handtrack.cli.options import (
     take_tracking,
     tracking_options,
 )
-from handtrack.cli.outputs import Stretches, jobs, recorder
-from handtrack.cli.pictures import (
-    check_overlay,
-    detected,
-    for_viewer,
-    from_cameras,
-    picture_options,
-)
+from handtrack.cli.outputs import jobs, overwrite_option
+from handtrack.cli.pictures import check_overlay, from_cameras, picture_options
 from handtrack.cli.progress import compiling_said, progress_shown, warm_up
-from handtrack.errors import HandtrackError, SettingsError
+from handtrack.cli.sources import Given, Item, items_of
+from handtrack.errors import HandtrackError
 
 if TYPE_CHECKING:
     from handtrack import Track
+
+
+MOST_SKIPPED = 20
+"""So many inputs that were skipped are named."""
 
 
 @click.command(short_help="Fit a hand to joint sequences and record it.")
@@ -41,6 +40,7 @@ if TYPE_CHECKING:
     "inputs", nargs=-1, required=True, metavar="INPUT...", type=click.Path(path_type=Path)
 )
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="MCAP file, or a folder.")
+@overwrite_option
 @click.option("--rrd", type=click.Path(path_type=Path), help="Rerun file, or a folder, as well.")
 @model_options
 @hand_model_option
@@ -66,130 +66,112 @@ def track(
     as_json: bool,
     quiet: bool,
     **options: Any,
-) -> None:
-    """Fit a hand to every frame of a joint sequence and record the result.
+) -> int:
+    """Fit a hand to every frame of joint sequences or pictures and record the result.
 
-    INPUT is a file or a folder: CMU Panoptic, .npz / .npy / .csv / .json / .jsonl, FPHA, Leap
-    Motion, MCAP; a video, an image or a folder of images. Without -o the recording is
-    recordings/NAME.mcap; of a folder with several unrelated files each gets its own,
-    recordings/FOLDER/NAME.mcap. With -o FILE.mcap they share one.
+    INPUT is a file, a folder, or several: CMU Panoptic, .npz / .npy / .csv / .json / .jsonl, FPHA,
+    Leap Motion, MCAP; videos, images, folders of images. Each gets a recording of its own, which
+    without -o is recordings/NAME.mcap, in -o OUT/ by its name; with -o FILE.mcap they share one.
+    What cannot be read is named and skipped. Images are unrelated pictures; with --fps, a clip.
     """
-    import handtrack as ht
-    from handtrack.files.pictures import pictures_in
-
     (settings, limits), recording = take_tracking(options), take_recording(options)
     mano = {name: options[name] for name in ("mano", "mano_tips")}
     models = take_models(options, limits)
     if models.file is not None and is_default("calibrate"):
         settings = settings.but(calibrate="none")
-    reading = Reading(**options, **mano)
-    input = inputs[0]
+    reading, silent = Reading(**options, **mano), quiet or as_json
     if camera is not None:
-        with compiling_said(quiet or as_json):
-            sequences, pictures, noise = from_cameras(
-                camera, inputs, reading, models, settings.calibration.method, quiet or as_json
-            )
+        with compiling_said(silent):
+            method = settings.calibration.method
+            views = from_cameras(camera, inputs, reading, models, method, silent)
+        given, noise = Given([Item.of(views[0], inputs[0], views[1])]), views[2]
         settings = settings.but(calibrate="none")
         if settings.fit.noise_mm is None:
             settings = settings.but(noise_mm=noise)
-    elif len(inputs) > 1:
-        raise SettingsError("several inputs are views of one scene: they need --camera")
-    elif pictures_in(input) is not None:
-        found, pictures = detected(input, reading, output, recording, quiet or as_json)
-        sequences = reading.load(input, quiet, found)
     else:
-        pictures, sequences = [], reading.load(input, quiet)
+        given = items_of(inputs, reading, silent)
     if overlay is not None:
-        check_overlay(overlay, pictures, input)
-    repairs: list[str] = []
-    if not no_repair:
-        sequences = ht.repair_identity(sequences)
-        repairs = [f"{s.name}: {remark.text}" for s in sequences for remark in s.remarks]
-    for repair in repairs if not quiet else ():
-        click.echo(f"repaired: {repair}", err=True)
-    work = jobs(sequences, input, output, rrd)
+        check_overlay(overlay, _drawn_over(given, inputs))
+    work = jobs(given.items, inputs, output, rrd)
+    sequences = [s for i in given.items if live for s in i.read(reading, silent)]
     show = live_view(live, connect, sequences, mesh=bool(recording.mesh.every))
-    tracks: list[Track] = []
-    left_out: list[str] = []
-    seconds = 0.0
-    written: list[Path] = []
-    silent = quiet or as_json
-    with (
-        compiling_said(silent),
-        progress_shown(sum(map(len, sequences)), silent) as progress,
-    ):
+    made, alone = Made(skipped=given.skipped), len(given.items) == 1
+    doing = Work(reading, models, settings, recording, show, not no_repair, quiet, silent, alone)
+    frames = sum(item.frames for item in given.items)
+    with compiling_said(silent), progress_shown(frames, silent) as progress:
         warm_up(settings)
         for job in work:
-            made = []
-            with recorder(job, recording) as record:
-                for i, sequence in enumerate(job.sequences):
-                    start, stretches = time.perf_counter(), Stretches(record, i)
-                    try:
-                        model, how = models.subject(sequence, settings.calibration.method)
-                        parts = show.parts(sequence, stretches)
-                        result = ht.track(
-                            sequence,
-                            model,
-                            settings=settings.but(calibrate=how),
-                            progress=progress.frames,
-                            on_part=parts,
-                        )
-                        _check_fitted(result)
-                    except HandtrackError as error:
-                        # a hand that is hardly seen must not take the others with it
-                        left_out.append(f"{sequence.name}: left out: {error}")
-                        if len(left_out) == len(sequences) or record.closed:
-                            raise
-                    else:
-                        made.append(result)
-                    seconds += time.perf_counter() - start - stretches.seconds
-                    progress.next(len(sequence))
-                if not made:
-                    record.stop()
-            if made:
-                if job.rrd is not None:
-                    progress.says(f"writing {job.rrd}")
-                    job.rrd.parent.mkdir(parents=True, exist_ok=True)
-                    shown = for_viewer(made, pictures)
-                    mesh = bool(recording.mesh.every)
-                    ht.log_rerun(made, save=job.rrd, mesh=mesh, pictures=shown)
-                    progress.says("tracking")
-                tracks += made
-                written += job.files
+            doing.run(job, progress, made)
         if overlay is not None:
             from handtrack.video.overlay import overlay as draw
 
             progress.says(f"drawing {overlay}")
-            draw(overlay, pictures, tracks)
-            written.append(overlay)
-    doubts = [f"{t.name}: {text}" for t in tracks if (text := _doubt(t))]
-    for note in [*left_out, *doubts] if not quiet else ():
-        click.echo(f"warning: {note}", err=True)
+            draw(overlay, given.items[0].pictures, made.tracks)
+            made.files.append(overlay)
+    made.notes += [f"{t.name}: {text}" for t in made.tracks if (text := _doubt(t))]
+    _say(made, given, len(work), doing, as_json)
+    show.wait(silent)
+    return 1 if any(skip.bad for skip in made.skipped) else 0
 
-    frames = sum(map(len, tracks))
-    rate = frames / (seconds - show.seconds)
-    report = ht.stability(tracks)
+
+def _drawn_over(given: Given, inputs: tuple[Path, ...]) -> list[Path]:
+    """The pictures that an overlay is drawn over: those of the only input."""
+    from handtrack.files.pictures import pictures_in
+
+    if len(given.items) != 1:
+        return []
+    (item,) = given.items
+    if item.pictures:  # of calibrated cameras
+        return [*inputs, *(Path(seen.source) for seen in item.pictures)]
+    return [item.source] if pictures_in(item.source) is not None else []
+
+
+def _say(made: Made, given: Given, count: int, doing: Work, as_json: bool) -> None:
+    """Print what came of it.
+
+    Raises:
+        HandtrackError: nothing did.
+    """
+    import handtrack as ht
+
+    skips = [f"{skip.path}: {skip.reason}" for skip in made.skipped]
+    if not made.tracks:
+        raise HandtrackError(f"nothing could be tracked: {'; '.join([*made.notes, *skips][:3])}")
+    for note in made.notes if not doing.quiet else ():
+        click.echo(f"warning: {note}", err=True)
+    frames = sum(map(len, made.tracks))
+    rate = frames / (doing.seconds - doing.show.seconds)
+    report = ht.stability(made.tracks)
     if as_json:
-        notes = [f"{s.name}: {note}" for s in sequences for note in s.notes]
+        read = [s for item in given.items for s in item.read(doing.reading, True)]
+        notes = [f"{s.name}: {note}" for s in read for note in s.notes]
         result_dict = report.to_dict() | {
-            "outputs": [str(path) for path in written],
+            "outputs": [str(path) for path in made.files],
             "frames_per_second": rate,
-            "warnings": notes + repairs + left_out + doubts,
-            "not_measured": {t.name: list(_not_measured(t)) for t in tracks},
+            "warnings": notes + made.repairs + made.notes,
+            "skipped": [{"input": str(s.path), "reason": s.reason} for s in made.skipped],
+            "not_measured": {t.name: list(_not_measured(t)) for t in made.tracks},
         }
         click.echo(json.dumps(result_dict, indent=2, allow_nan=False))
-    elif not quiet:
-        from handtrack.evaluation.report import print_table
+        return
+    if doing.quiet:
+        return
+    from handtrack.evaluation.report import print_table
 
-        print_table(report)
-        for made_track in tracks:
-            _say_calibration(made_track)
-        where = " and ".join(map(str, written))
-        if len(work) > 1:
-            folders = dict.fromkeys(str(path.parent) for path in written)
-            where = f"{len(written)} files in {' and '.join(folders)}"
-        click.echo(f"tracked {frames:,} frames at {rate:,.0f} frames/s -> {where}")
-    show.wait(silent)
+    print_table(report)
+    for made_track in made.tracks:
+        _say_calibration(made_track)
+    for skip in skips[:MOST_SKIPPED]:
+        click.echo(f"skipped {skip}", err=True)
+    if len(skips) > MOST_SKIPPED:
+        click.echo(f"skipped {len(skips) - MOST_SKIPPED} more; --json names them all", err=True)
+    where = " and ".join(map(str, made.files))
+    if count > 1:
+        for path in made.files:
+            click.echo(f"wrote {path}")
+        folders = dict.fromkeys(str(path.parent) for path in made.files)
+        where = f"{len(made.files)} files in {' and '.join(folders)}"
+    click.echo(f"tracked {frames:,} frames at {rate:,.0f} frames/s -> {where}")
 
 
 def _doubt(track: Track) -> str | None:
@@ -219,13 +201,3 @@ def _say_calibration(track: Track) -> None:
             f"{track.name}: the calibrated hand leaves {found['residual_mean_mm']:.2f} mm of its"
             f" input, any hand of rigid bones {found['bound_mean_mm']:.2f} mm"
         )
-
-
-def _check_fitted(track: Track) -> None:
-    """Refuse a track of which nothing is there.
-
-    Raises:
-        HandtrackError: every frame is lost.
-    """
-    if (track.status == "lost").all():
-        raise HandtrackError(f"{track.source}: no frame could be fitted: {track.reason[0]}")

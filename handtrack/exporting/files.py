@@ -51,6 +51,19 @@ class Exported(NamedTuple):
     notes: tuple[str, ...]
 
 
+def targets(tracks: Sequence[Track], path: Path) -> list[Path]:
+    """The files that `export` writes of tracks, when it is given that name."""
+    return [file for file, _ in _groups([t for t in tracks if len(t)], path)]
+
+
+def _groups(tracks: Sequence[Track], path: Path) -> list[tuple[Path, list[tuple[str, Track]]]]:
+    """Which named tracks go into which file."""
+    named = list(zip(hand_topics((t.name, t.hand) for t in tracks), tracks, strict=True))
+    if path.suffix.lower() == ".glb" or len(tracks) < 2:
+        return [(path, named)]
+    return [(path.with_stem(f"{path.stem}_{name}"), [(name, t)]) for name, t in named]
+
+
 def export(
     tracks: Track | Sequence[Track],
     path: str | Path,
@@ -105,12 +118,8 @@ def export(
     if not tracks:
         raise SettingsError("there is nothing to export: no track has a frame")
     origin = min(int(t.time_ns[0]) for t in tracks)
-    names = hand_topics((t.name, t.hand) for t in tracks)
-    groups = [(path, list(zip(names, tracks, strict=True)))]
-    if kind != ".glb" and len(tracks) > 1:
-        groups = [(path.with_stem(f"{path.stem}_{n}"), [(n, t)]) for n, t in groups[0][1]]
     written = []
-    for file, group in groups:
+    for file, group in _groups(tracks, path):
         with whole_file(file) as part:
             if kind in ROBOTS:
                 ((_, track),) = group

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from os import PathLike, sep
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from handtrack.errors import InputError, SettingsError
 from handtrack.files import budget
@@ -45,6 +46,8 @@ def load(
     profile: str | PathLike[str] | None = None,
     trajectory: str | PathLike[str] | None = None,
     markers: str | PathLike[str] | None = None,
+    *,
+    passed_over: list[PassedOver] | None = None,
 ) -> list[Sequence]:
     """Joint sequences from a file or a folder; the format is recognised by content.
 
@@ -82,6 +85,8 @@ def load(
         profile: UmeTrack's description of a hand, which makes joints of its angles.
         trajectory: where Project Aria's device was, which brings its hands into the world.
         markers: a file that says which marker of a motion capture file is which joint.
+        passed_over: of a folder: what cannot be read is added to it, and nothing of it said in
+            notes; without it a damaged file is an error.
 
     Returns:
         At least one sequence, in order of path, person and hand, with different names.
@@ -111,11 +116,39 @@ def load(
 
     with budget.limited(max_size):
         if where.is_dir():
-            found = _from_folder(where, lambda source: made(source.read(frames, format)))
+            found = _from_folder(where, lambda s: made(s.read(frames, format)), passed_over)
         else:
             found = _unique_names(made(read_file(where, frames, format)))
     check_taken(pending, beside, where)
     return found
+
+
+class PassedOver(NamedTuple):
+    """What of a folder was not read.
+
+    Attributes:
+        path: the file.
+        error: why.
+        joints: whether there are joints in it, but damaged ones or none in the frames asked for.
+    """
+
+    path: Path
+    error: InputError
+    joints: bool
+
+
+def load_some(path: str | PathLike[str], **options: Any) -> tuple[list[Sequence], list[PassedOver]]:
+    """What can be read of a folder, and what cannot: a damaged file does not end it.
+
+    Args:
+        path: the folder.
+        **options: of `load`.
+
+    Raises:
+        InputError, SettingsError: as `load`; of files only where nothing can be read.
+    """
+    passed_over: list[PassedOver] = []
+    return load(path, **options, passed_over=passed_over), passed_over
 
 
 def _is_there(path: Path) -> bool:
@@ -197,25 +230,31 @@ def _cut(sequences: list[Sequence], frames: tuple[int, int]) -> list[Sequence]:
     return parts
 
 
-def _from_folder(folder: Path, read: Callable[[Source], list[Sequence]]) -> list[Sequence]:
+def _from_folder(
+    folder: Path, read: Callable[[Source], list[Sequence]], told: list[PassedOver] | None
+) -> list[Sequence]:
     sequences: list[Sequence] = []
-    passed_over: list[str] = []
-    empty: NoFramesError | None = None
+    passed_over: list[PassedOver] = []
     for source in sources(folder):
         try:
             sequences += read(source)
-        except NoFramesError as error:
-            empty = error
-        except NotJointsError as error:
-            passed_over.append(str(error))
+        except InputError as error:
+            joints = not isinstance(error, NotJointsError)
+            if joints and told is None and not isinstance(error, NoFramesError):
+                raise
+            where = Path(error.path or source.folder / source.names[0])
+            passed_over.append(PassedOver(where, error, joints))
+    damaged = [p.error for p in passed_over if p.joints]
+    others = [str(p.error) for p in passed_over if not p.joints]
     if not sequences:
-        if empty is not None:
-            raise empty
-        reason = f" ({_listed(passed_over, folder)})" if passed_over else ""
+        if damaged:
+            raise damaged[-1]
+        reason = f" ({_listed(others, folder)})" if others else ""
         raise InputError(f"no joint sequence found{reason}", folder)
-    if passed_over:
-        note = f"passed over: {_listed(passed_over, folder)}"
-        sequences[0] = _noted(sequences[0], note)
+    if told is not None:
+        told += passed_over
+    elif others:
+        sequences[0] = _noted(sequences[0], f"passed over: {_listed(others, folder)}")
     return _unique_names(sequences)
 
 

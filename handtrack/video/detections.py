@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.errors import HandtrackError, InputError
+from handtrack.errors import InputError, NoHandError
 from handtrack.files.pictures import pictures_in
 from handtrack.files.whole import whole_file
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
@@ -20,10 +20,6 @@ from handtrack.video.hand_tracks import HandTracks
 from handtrack.video.media import pictures
 
 Array = NDArray[np.float64]
-
-
-class NoHandError(HandtrackError):
-    """There is no hand in any picture: the job failed, the input is sound."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +34,7 @@ class Detections:
         world: hand -> (T, 21, 3) [m], NaN where it was not found.
         score: hand -> (T,) 0..1, 0 where it was not found.
         fps: the rate that was given instead of the source's times, or None.
+        still: whether the pictures are images of which nothing says that they follow one another.
     """
 
     source: str
@@ -48,6 +45,7 @@ class Detections:
     world: dict[Hand, Array]
     score: dict[Hand, Array]
     fps: float | None = None
+    still: bool = False
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -116,7 +114,8 @@ def detect(
         source: what `media.kind` knows.
         detector: MediaPipe's by default; it is closed at the end only if it is made here.
         model: for MediaPipe, as in `MediaPipeDetector`.
-        fps: frames per second, instead of the video's time stamps.
+        fps: frames per second, instead of the video's time stamps; with it images are those of
+            a clip, without it unrelated pictures.
         frames: first and last frame to look at, both included.
         progress: called with the number of frames done.
 
@@ -129,7 +128,8 @@ def detect(
         SettingsError: MediaPipe or its model is missing.
     """
     own = detector is None
-    still = pictures_in(source) != "video"
+    # images become a clip by a rate
+    still = pictures_in(source) != "video" and fps is None
     detector = detector or MediaPipeDetector(model, still=still)
     tracks = HandTracks(linked=not still)
     rows: list[list[tuple[int, Detection]]] = []
@@ -158,7 +158,7 @@ def detect(
     if not any(rows):
         raise NoHandError(f"{source}: no hand was found in {len(rows)} frames")
     found = _gathered(source, size, times, index, [tracks.named(row) for row in rows])
-    return replace(found, fps=fps)
+    return replace(found, fps=fps, still=still)
 
 
 def _gathered(

@@ -45,7 +45,7 @@ def test_clips_make_a_hand_that_tracks(clips, tmp_path, capsys):
     np.testing.assert_array_equal(used.model.axes, ht.load_hand(hand).axes)
     assert used.settings["calibrate"] == "none"
     # only its proportions are taken where that is asked for
-    assert run([*track, "--hand-model", str(hand), "--calibrate"]) == 0
+    assert run([*track, "--hand-model", str(hand), "--calibrate", "--overwrite"]) == 0
     (anew,) = ht.read_mcap(out)
     assert anew.settings["calibration"]["method"] == "full"
 

@@ -92,8 +92,9 @@ def test_the_program_itself(program, made, elsewhere):
         stdin=subprocess.DEVNULL,
     )
     assert (done.returncode, done.stderr) == (0, "")
-    assert json.loads(done.stdout)["outputs"] == ["recordings/short.mcap"]
-    assert files(elsewhere) == {"recordings/short.mcap"}
+    recording = f"recordings/{Path(made.short).parent.name}-short.mcap"
+    assert json.loads(done.stdout)["outputs"] == [recording]
+    assert files(elsewhere) == {recording}
     done = subprocess.run([*program, "track", "no.npz"], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "error: no.npz: no such file or folder\n"

@@ -201,7 +201,7 @@ def test_recover(call, recording):
     # what is there is not written over
     status, _, err = call("recover", "run.mcap.part")
     assert status == 2
-    assert "give -o" in err
+    assert "-o gives another name" in err
     assert "nothing was wrong" in call("recover", recording, "-o", "copy.mcap")[1]
 
 

@@ -41,12 +41,14 @@ def test_track_writes_what_it_says(call, made, elsewhere):
 
 
 def test_without_a_name_it_writes_to_recordings(call, made, elsewhere):
+    there = Path(made.short).parent.name
     assert call("track", made.short)[0] == 0
-    assert files(elsewhere) == {"recordings/short.mcap"}
+    assert files(elsewhere) == {f"recordings/{there}-short.mcap"}
     assert call("track", made.panoptic, "--no-mesh")[0] == 0
-    assert call("track", Path(made.panoptic) / "hdHand3d", "--no-mesh", "--rrd", "x.rrd")[0] == 0
-    assert call("track", made.archive, "--no-mesh", "--rrd", "shown")[0] == 0
-    expected = {"short.mcap", "171204_pose6.mcap"}
+    frames = Path(made.panoptic) / "hdHand3d"
+    assert call("track", frames, "--no-mesh", "--rrd", "x.rrd", "--overwrite")[0] == 0
+    assert call("track", made.archive, "--no-mesh", "--rrd", "shown", "--overwrite")[0] == 0
+    expected = {f"{there}-short.mcap", f"{there}-171204_pose6.mcap"}
     assert files(elsewhere) == {f"recordings/{n}" for n in expected} | {
         "x.rrd",
         "shown/171204_pose6.rrd",
@@ -71,7 +73,7 @@ def test_track_json(call, made):
     status, out, err = call("track", made.short, "-o", "a.mcap", "--rrd", "a.rrd", "--json")
     assert (status, err) == (0, "")
     result = json.loads(out)
-    told = {"outputs", "frames_per_second", "warnings", "not_measured"}
+    told = {"outputs", "frames_per_second", "warnings", "skipped", "not_measured"}
     assert set(result) == {"sequences", "overall", *told}
     assert result["outputs"] == ["a.mcap", "a.rrd"]
     assert result["frames_per_second"] > 0
@@ -84,10 +86,10 @@ def test_track_json(call, made):
 def test_quiet_prints_nothing(call, made):
     np.savez("bare.npz", joints_m=made.content["joints_m"])  # no hand, no fps: worth two warnings
     assert call("track", "bare.npz", "-q") == (0, "", "")
-    status, out, err = call("track", "bare.npz", "-q", "--json")
+    status, out, err = call("track", "bare.npz", "-q", "--json", "--overwrite")
     assert (status, err) == (0, "")
     assert len(json.loads(out)["warnings"]) == 2
-    status, out, err = call("track", "bare.npz")
+    status, out, err = call("track", "bare.npz", "--overwrite")
     assert (status, err.count("warning: bare: ")) == (0, 2)
 
 
@@ -103,7 +105,7 @@ def test_a_recording_can_be_tracked_again(call, made):
 
 
 def test_panoptic_frames_and_hands(call, made):
-    options = ("--frames", "20703:20710", "--hand", "left", "-o", "left.mcap")
+    options = ("--frames", "20703:20710", "--hand", "left", "-o", "left.mcap", "--overwrite")
     for source in (made.panoptic, made.archive):
         assert call("track", source, *options)[0] == 0
         tracks = ht.read_mcap("left.mcap")
@@ -172,7 +174,7 @@ def test_track_fits_the_users_mano(sample_file, tmp_path, capsys):
     with (tmp_path / "MANO_RIGHT.pkl").open("wb") as file:
         make_mano_like.write_pickle(make_mano_like.make_mano_like("right"), file)
     out = tmp_path / "out.mcap"
-    where = ["track", str(sample_file), "-o", str(out), "--frames", "0:20", "-q"]
+    where = ["track", str(sample_file), "-o", str(out), "--frames", "0:20", "-q", "--overwrite"]
     assert run([*where, "--mano", str(tmp_path)]) == 0
     (track,) = ht.read_mcap(out)
     assert track.model.name == "mano"
@@ -181,6 +183,7 @@ def test_track_fits_the_users_mano(sample_file, tmp_path, capsys):
     # the subject's shape is found in MANO's own shape space, and kept
     assert np.count_nonzero(track.model.shape) == 10
     again = ["retrack", str(out), "-o", str(tmp_path / "again.mcap"), "-q", "--mano", str(tmp_path)]
+    again.append("--overwrite")
     for calibrate in ([], ["--calibrate"]):
         assert run([*again, *calibrate]) == 0
         (tracked,) = ht.read_mcap(tmp_path / "again.mcap")
@@ -200,7 +203,7 @@ def test_track_fits_a_hand_of_gltf(sample_file, tmp_path, capsys):
 
     write_glb(tmp_path / "right.glb", ht.HandModel.default("right"))
     out = tmp_path / "out.mcap"
-    where = ["track", str(sample_file), "-o", str(out), "--frames", "0:20", "-q"]
+    where = ["track", str(sample_file), "-o", str(out), "--frames", "0:20", "-q", "--overwrite"]
     assert run([*where, "--gltf", str(tmp_path)]) == 0
     (track,) = ht.read_mcap(out)
     assert track.model.name == "gltf"

@@ -186,7 +186,7 @@ def test_from_files_to_the_command_line(tmp_path, capsys):
     assert "frames 20721 to 20725 put back" in said
     repaired = ht.read_mcap(tmp_path / "a.mcap")
     assert any("20721 to 20725 put back" in e.text for e in repaired[0].events)
-    assert run([*arguments, "--no-repair"]) == 0
+    assert run([*arguments, "--no-repair", "--overwrite"]) == 0
     assert "repaired" not in capsys.readouterr().err
     left = ht.read_mcap(tmp_path / "a.mcap")[0]
     assert np.abs(np.diff(left.observed[:, 0], axis=0)).max() > 0.1

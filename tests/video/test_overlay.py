@@ -122,7 +122,5 @@ def test_the_command_line_refuses_what_cannot_be_drawn(tmp_path, capsys, sample_
     write_image(tmp_path / "a.png", 100)
     assert run(["track", str(sample_file), "--overlay", str(tmp_path / "o.mp4")]) == 2
     assert "neither a video nor an image" in capsys.readouterr().err
-    assert run(["track", str(sample_file), str(sample_file)]) == 2
-    assert "they need --camera" in capsys.readouterr().err
     assert run(["track", str(sample_file), "--camera", str(tmp_path / "none.toml")]) == 2
     assert "none.toml: no such file" in capsys.readouterr().err

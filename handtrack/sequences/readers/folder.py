@@ -97,10 +97,15 @@ def _folders(folder: Path) -> Iterator[tuple[Path, list[str]]]:
         yield here, [name for name, _, leads_to_one in inside if not leads_to_one]
 
 
+def is_ignored(name: str) -> bool:
+    """Whether a file of that name is never looked at: hidden, a README, a body or a face."""
+    return name.startswith((".", *_OTHER_PANOPTIC)) or name.lower().startswith(_NOT_DATA)
+
+
 def may_be_data(name: str) -> bool:
-    """Whether a file of that name is looked into in a folder."""
+    """Whether a file of that name is looked into."""
     lower = name.lower()
-    if name.startswith((".", *_OTHER_PANOPTIC)) or lower.startswith(_NOT_DATA):
+    if is_ignored(name):
         return False
     # pickles of other names are models and caches
     return _is_numbered(name) or Path(lower).suffix in SUFFIXES

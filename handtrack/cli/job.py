@@ -1,0 +1,177 @@
+"""The work of `track`: each input is read, fitted, recorded and shown in its turn."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from handtrack.cli.live_view import Live
+from handtrack.cli.models import Models
+from handtrack.cli.options import is_default
+from handtrack.cli.outputs import Job, Stretches, recorder
+from handtrack.cli.pictures import for_viewer
+from handtrack.cli.progress import Progress
+from handtrack.cli.sources import Item, Skipped
+from handtrack.errors import HandtrackError, NoHandError, SettingsError
+
+if TYPE_CHECKING:
+    from handtrack import Sequence, Track
+    from handtrack.cli.inputs import Reading
+    from handtrack.hand.skeleton import Hand
+    from handtrack.recording.settings import RecordingSettings
+    from handtrack.tracking.settings import TrackSettings
+
+
+@dataclass
+class Made:
+    """What came of the jobs.
+
+    Attributes:
+        tracks: in order.
+        files: that were written.
+        notes: what the user should know of inputs: doubts, hands that were left out.
+        repairs: hands that were put back.
+        skipped: inputs of which nothing came.
+    """
+
+    tracks: list[Track] = field(default_factory=list)
+    files: list[Path] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    repairs: list[str] = field(default_factory=list)
+    skipped: list[Skipped] = field(default_factory=list)
+
+
+@dataclass
+class Work:
+    """How each job is done.
+
+    Attributes:
+        reading, models, settings, recording: as the options say.
+        show: where hands are shown while they are tracked.
+        repair: put hands back that were exchanged.
+        quiet, silent: print no warnings; print nothing.
+        alone: whether there is one input, whose failure is the command's.
+        seconds: time spent with fitting [s].
+    """
+
+    reading: Reading
+    models: Models
+    settings: TrackSettings
+    recording: RecordingSettings
+    show: Live
+    repair: bool
+    quiet: bool
+    silent: bool
+    alone: bool
+    seconds: float = 0.0
+
+    def run(self, job: Job, progress: Progress, made: Made) -> None:
+        """Track all that goes into one recording.
+
+        Raises:
+            HandtrackError: nothing came of the only input.
+        """
+        sequences = self._read(job, made)
+        if not sequences:
+            return
+        settings = self.settings
+        if not all(item.in_motion for item in job.items) and is_default("gate"):
+            # from one picture to the next anything may change
+            settings = settings.but(gate=False, coast_s=0.0)
+        tracks: list[Track] = []
+        with recorder(job.mcap, sequences, self.recording) as record:
+            for i, sequence in enumerate(sequences):
+                stretches = Stretches(record, i)
+                start = time.perf_counter()
+                try:
+                    tracks.append(self._track(sequence, settings, stretches, progress))
+                except HandtrackError as error:
+                    # a hand that is hardly seen must not take the others with it
+                    last = not tracks and i == len(sequences) - 1
+                    if (last and self.alone) or record.closed:
+                        raise
+                    made.notes.append(f"{sequence.name}: left out: {error}")
+                self.seconds += time.perf_counter() - start - stretches.seconds
+                progress.next(len(sequence))
+            if not tracks:
+                record.stop()
+        if not tracks:
+            return
+        if job.rrd is not None:
+            self._write_rrd(job.rrd, tracks, job.items, progress)
+        made.tracks += tracks
+        made.files += job.files
+
+    def _read(self, job: Job, made: Made) -> list[Sequence]:
+        """The sequences of a job, hands put back; what fails is skipped."""
+        import handtrack as ht
+
+        found: list[Sequence] = []
+        for item in job.items:
+            try:
+                sequences = item.read(self.reading, self.silent)
+            except HandtrackError as error:
+                if isinstance(error, NoHandError) and self.alone:
+                    self._write_empty(job, item)
+                if self.alone:
+                    raise
+                # a picture that lies in a folder may be of anything
+                nothing = isinstance(error, NoHandError | SettingsError)
+                bad = item.folder is None or not nothing
+                made.skipped.append(Skipped.of(item.source, error, bad))
+                continue
+            if self.repair and item.in_motion:
+                sequences = ht.repair_identity(sequences)
+            found += sequences
+        repairs = [f"{s.name}: {remark.text}" for s in found for remark in s.remarks]
+        for repair in repairs if not self.quiet else ():
+            click.echo(f"repaired: {repair}", err=True)
+        made.repairs += repairs
+        return found
+
+    def _write_empty(self, job: Job, item: Item) -> None:
+        """Pictures without a hand give a recording that is complete, and empty."""
+        from handtrack import McapRecorder
+
+        job.mcap.parent.mkdir(parents=True, exist_ok=True)
+        hands: list[tuple[str, Hand]] = [(item.source.stem, "right")]
+        source = str(item.source)
+        McapRecorder(job.mcap, hands=hands, source=source, recording=self.recording).close()
+
+    def _track(
+        self,
+        sequence: Sequence,
+        settings: TrackSettings,
+        stretches: Stretches,
+        progress: Progress,
+    ) -> Track:
+        import handtrack as ht
+
+        model, how = self.models.subject(sequence, settings.calibration.method)
+        track = ht.track(
+            sequence,
+            model,
+            settings=settings.but(calibrate=how),
+            progress=progress.frames,
+            on_part=self.show.parts(sequence, stretches),
+        )
+        if (track.status == "lost").all():
+            raise HandtrackError(f"{track.source}: no frame could be fitted: {track.reason[0]}")
+        return track
+
+    def _write_rrd(
+        self, path: Path, tracks: list[Track], items: list[Item], progress: Progress
+    ) -> None:
+        import handtrack as ht
+
+        progress.says(f"writing {path}")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # pictures of several inputs would be on one clock
+        pictures = items[0].pictures if len(items) == 1 else []
+        shown = for_viewer(tracks, pictures)
+        ht.log_rerun(tracks, save=path, mesh=bool(self.recording.mesh.every), pictures=shown)
+        progress.says("tracking")
