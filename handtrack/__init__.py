@@ -8,7 +8,7 @@
 - Track: `track` gives `Track` (with `Event`, `Head`, `Skin`), in `Stretch`es as it goes; `Tracker`
   gives `TrackedFrame`s; settings
   `TrackSettings`, `TrackerSettings`, `FilterSettings`, `CalibrationSettings`.
-- Whole data sets: `batch` (`BatchSettings`).
+- Whole data sets: `batch` (`BatchSettings`, `Models`).
 - Record: `McapRecorder`, `write_mcap`, `read_mcap`, `follow_mcap`, `retrack`, `info`, `recover`
   (`Recovered`); settings `RecordingSettings`, `MeshChoice`.
 - Look: `replay`, `log_rerun`, `LiveViewer`, `export` (`Exported`),
@@ -81,6 +81,7 @@ _WHERE = {
     "retrack": "recording.retrack",
     "batch": "batching.run",
     "BatchSettings": "batching.settings",
+    "Models": "batching.settings",
     "info": "recording.info",
     "Recovered": "recording.recover",
     "recover": "recording.recover",
@@ -114,6 +115,7 @@ __all__ = [*sorted(_WHERE), "__version__", "metrics"]
 if TYPE_CHECKING:
     from handtrack.batching.run import batch as batch
     from handtrack.batching.settings import BatchSettings as BatchSettings
+    from handtrack.batching.settings import Models as Models
     from handtrack.calibration.calibrate import Calibration as Calibration
     from handtrack.calibration.calibrate import calibrate as calibrate
     from handtrack.calibration.explain import Explained as Explained
