@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 @click.option(
     "--to",
     metavar="FORMAT",
-    help="npz, csv, parquet, lerobot, mcap, openxr, umetrack, mano, egodex or glb; by"
+    help="npz, csv, parquet, lerobot, mcap, openxr, umetrack, mano, egodex, trc, bvh or glb; by"
     " OUTPUT's ending if left out.",
 )
 @click.option(

@@ -10,9 +10,17 @@ import click
 
 from handtrack.cli.inputs import recordings
 from handtrack.cli.models import model_options, take_models
-from handtrack.cli.options import json_option, part_options, quiet_option
+from handtrack.cli.options import json_option, part_options, quiet_option, setting_option
 from handtrack.cli.outputs import overwrite_option, refuse_existing
 from handtrack.errors import SettingsError
+from handtrack.exporting.settings import ExportSettings
+
+
+def _options(command: Any) -> Any:
+    """An option for each setting of an export."""
+    for name, known in reversed(ExportSettings.known().items()):
+        command = setting_option(name, known)(command)
+    return command
 
 
 @click.command(short_help="Write recordings for other programs.")
@@ -23,21 +31,7 @@ from handtrack.errors import SettingsError
     type=click.Choice(["csv", "parquet", "npz", "bvh", "glb", "urdf", "mjcf"]),
     help="The format, where OUTPUT is a folder.",
 )
-@click.option("--raw", is_flag=True, help="bvh, glb, urdf, mjcf: poses as fitted, not as filtered.")
-@click.option(
-    "--up",
-    type=click.Choice(["x", "y", "z", "-x", "-y", "-z"]),
-    default="y",
-    show_default=True,
-    help="bvh, glb: the input's axis that points up; it becomes y.",
-)
-@click.option(
-    "--unit",
-    type=click.Choice(["cm", "m", "mm"]),
-    default="cm",
-    show_default=True,
-    help="bvh: the unit of length.",
-)
+@_options
 @click.option(
     "--base",
     default="wrist",
@@ -54,16 +48,12 @@ def export(
     input: Path,
     output: Path,
     to: str | None,
-    raw: bool,
-    up: str,
-    unit: str,
-    base: str,
     hand: str | None,
     start: float | None,
     end: float | None,
     as_json: bool,
     quiet: bool,
-    **models: Any,
+    **options: Any,
 ) -> None:
     """Write recordings for other programs: .csv, .parquet, .npz, .bvh, .glb, .urdf, .xml.
 
@@ -92,7 +82,7 @@ def export(
         )
     if len(found) > 1 and not folder:
         raise SettingsError(f"{len(found)} recordings need a folder to go to, not {output}")
-    given = take_models(models, "anatomical")
+    given = take_models(options, "anatomical")
     written = []
     for path in found:
         target = output / f"{path.stem}.{to}" if folder else output
@@ -101,7 +91,7 @@ def export(
         tracks = [given.dressed(track) for track in read_part(path, hand, start, end)]
         refuse_existing(targets(tracks, target), "another name keeps what is there")
         target.parent.mkdir(parents=True, exist_ok=True)
-        made = ht.export(tracks, target, raw=raw, up=up, unit=unit, base=base)
+        made = ht.export(tracks, target, **options)
         written += made
         for file in made if not (quiet or as_json) else ():
             what = [f"{', '.join(file.hands)}", f"{file.frames:,} frames", *file.notes]

@@ -86,7 +86,7 @@ class _Number(click.ParamType[Any]):
         return value if value in self._words else click.FLOAT.convert(value, param, context)
 
 
-def _option(name: str, known: Known) -> Callable[[_Command], _Command]:
+def setting_option(name: str, known: Known) -> Callable[[_Command], _Command]:
     """The option that a setting is on the command line."""
     about, default = known.about, known.default
     dashed = name.replace("_", "-")
@@ -119,7 +119,7 @@ _LIMITS = click.option(
     help="Joint limits: a wide anatomical set, or Table 1 of Li et al. 2021.",
 )
 _TRACKING = {
-    name: _option(name, known)
+    name: setting_option(name, known)
     for name, known in TrackSettings.known().items()
     if known.about.option
 }

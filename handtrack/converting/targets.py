@@ -34,6 +34,8 @@ TARGETS: dict[str, Target] = {
     "umetrack": Target(".jsonl", True, True, "UmeTrack's angles as in HOT3D; needs a profile"),
     "mano": Target(".npz", False, True, "MANO parameters; needs your MANO"),
     "egodex": Target(".hdf5", True, False, "visionOS's 25 joints as in EgoDex, 30 frames/s"),
+    "trc": Target(".trc", False, False, "OpenSim's marker trajectories [mm]"),
+    "bvh": Target(".bvh", False, False, "a skeleton with fingers and its motion"),
     "glb": Target(".glb", True, False, "skinned hands with an animation (glTF)"),
 }
 _BY_ENDING = {".h5": "egodex"} | {

@@ -8,13 +8,20 @@ from typing import Any
 
 import numpy as np
 
+from handtrack.exporting.poses import joint_rotations, operator_frame, rotation_values
 from handtrack.hand.mano_pose import to_mano
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES, PARENTS, PART_NAMES
 from handtrack.tracking.track import Track
 
+_ROTATIONS = {
+    "quaternion": "joint_quaternions_wxyz",
+    "matrix": "joint_rotations",
+    "axis-angle": "joint_axis_angles_rad",
+}
 
-def arrays(track: Track) -> dict[str, Any]:
+
+def arrays(track: Track, rotations: str | None = None, frame: str = "world") -> dict[str, Any]:
     """All of a track by name; shapes are for T frames, NaN where nothing is known, of a
     finger that no frame saw too.
 
@@ -24,6 +31,14 @@ def arrays(track: Track) -> dict[str, Any]:
     Of a MANO hand there are also `mano_global_orient_rad` (T, 3), `mano_hand_pose_rad` (T, 45),
     `mano_transl_m` (T, 3) and `mano_betas` (S,), as smplx takes them with flat_hand_mean=True
     and use_pca=False (see `to_mano`); no betas where calibration changed the hand.
+
+    Args:
+        track: it.
+        rotations: adds the joints' rotations in the world (see `joint_rotations`):
+            `joint_quaternions_wxyz` (T, 21, 4), `joint_rotations` (T, 21, 3, 3) or
+            `joint_axis_angles_rad` (T, 21, 3), by "quaternion", "matrix" or "axis-angle".
+        frame: "operator" adds `operator_positions_m` (T, 21, 3) and `operator_axes` (T, 3, 3), see
+            `operator_frame`.
     """
     model = track.model
     angles, joints = track.measured_angles, track.measured_joints
@@ -80,6 +95,13 @@ def arrays(track: Track) -> dict[str, Any]:
             "mano_transl_m": pose.transl,
             "mano_betas": pose.betas,
         }
+    if rotations is not None:
+        turned = joint_rotations(track)
+        _, values = rotation_values(turned, rotations)
+        made[_ROTATIONS[rotations]] = turned if rotations == "matrix" else values
+    if frame == "operator":
+        filtered = made["filtered_joints_m"]
+        made["operator_positions_m"], made["operator_axes"] = operator_frame(filtered, track.hand)
     if len(model.rest_vertices) and not model.licensed:
         made |= {
             "rest_vertices_m": model.rest_vertices,
@@ -89,7 +111,7 @@ def arrays(track: Track) -> dict[str, Any]:
     return made
 
 
-def write_npz(track: Track, path: Path) -> None:
+def write_npz(track: Track, path: Path, rotations: str | None = None, frame: str = "world") -> None:
     """Write the arrays, compressed; no pickles are in it."""
     with path.open("wb") as stream:
-        np.savez_compressed(stream, **arrays(track))
+        np.savez_compressed(stream, **arrays(track, rotations, frame))

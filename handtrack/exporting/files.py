@@ -11,10 +11,11 @@ import numpy as np
 from handtrack import __version__
 from handtrack.errors import SettingsError
 from handtrack.exporting.arrays import write_npz
-from handtrack.exporting.bvh import UNITS, write_bvh
+from handtrack.exporting.bvh import write_bvh
 from handtrack.exporting.gltf import Hand, write_glb
 from handtrack.exporting.motion import motion
 from handtrack.exporting.robot_files import WRIST, check_base, write_robot
+from handtrack.exporting.settings import TABLES, ExportSettings
 from handtrack.exporting.table import write_csv, write_parquet
 from handtrack.files.whole import whole_file
 from handtrack.mcap.hand import hand_topics
@@ -72,6 +73,8 @@ def export(
     up: str = "y",
     unit: str = "cm",
     base: str = WRIST,
+    rotations: str | None = None,
+    frame: str = "world",
 ) -> list[Exported]:
     """Write tracks for other programs, in the format that the file's ending names.
 
@@ -97,6 +100,10 @@ def export(
         unit: .bvh: the unit of length, "cm", "m" or "mm".
         base: robots: "wrist", or the name of the frame that the input is in, for the wrist to
             float in.
+        rotations: .csv, .parquet and .npz: the joints' rotations in the world as well, as
+            "quaternion", "matrix" or "axis-angle" (see `joint_rotations`).
+        frame: the same: "operator" adds joints about the wrist as dex-retargeting takes them (see
+            `operator_frame`).
 
     Returns:
         What was written.
@@ -111,9 +118,10 @@ def export(
     kind = path.suffix.lower()
     if kind not in FORMATS:
         raise SettingsError(f"{path}: expected a name that ends in {', '.join(FORMATS)}")
-    if unit not in UNITS:
-        raise SettingsError(f"unit is {unit!r}, expected one of {', '.join(UNITS)}")
     check_base(base)
+    settings = ExportSettings(raw, up, unit, rotations or "none", frame)
+    if kind not in TABLES and (settings.rotations, frame) != ("none", "world"):
+        raise SettingsError(f"{path}: rotations and frame are for {', '.join(TABLES)}")
     tracks = [t for t in tracks if len(t)]
     if not tracks:
         raise SettingsError("there is nothing to export: no track has a frame")
@@ -125,7 +133,7 @@ def export(
                 ((_, track),) = group
                 notes = write_robot(track, part, file, origin, raw=raw, base=base)
             else:
-                notes = _write(kind, group, part, origin, raw, up, unit)
+                notes = _write(kind, group, part, origin, settings)
         lost = sum(int(np.isnan(t.angles).any(1).sum()) for _, t in group)
         if lost:
             notes.insert(0, _LOST[kind].format(f"{lost} lost frame{'s' * (lost > 1)}"))
@@ -140,12 +148,12 @@ def _write(
     group: list[tuple[str, Track]],
     part: Path,
     origin: int,
-    raw: bool,
-    up: str,
-    unit: str,
+    settings: ExportSettings,
 ) -> list[str]:
     """Write a group of named hands; what should be known of the file."""
     notes = []
+    raw, up, unit = settings.raw, settings.up, settings.unit
+    rotations = None if settings.rotations == "none" else settings.rotations
     if kind == ".glb":
         hands = [Hand(n, t.model, motion(t, origin, raw=raw, up=up)) for n, t in group]
         notes.append(write_glb(hands, part, f"handtrack {__version__}"))
@@ -156,11 +164,11 @@ def _write(
     else:
         ((_, track),) = group
         if kind == ".csv":
-            write_csv(track, part, origin)
+            write_csv(track, part, origin, rotations, settings.frame)
         elif kind == ".parquet":
-            write_parquet(track, part, origin)
+            write_parquet(track, part, origin, rotations, settings.frame)
         elif kind == ".npz":
-            write_npz(track, part)
+            write_npz(track, part, rotations, settings.frame)
         else:
             moved = motion(track, origin, raw=raw, up=up)
             notes += [f"in {unit}", write_bvh(track.model, moved, part, unit)]

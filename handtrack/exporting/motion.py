@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError, SettingsError
+from handtrack.exporting.settings import UPS
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.hand.skeleton import N_PARTS, PARENTS
@@ -15,8 +16,6 @@ from handtrack.tracking.track import Track
 
 Array = NDArray[np.float64]
 
-UPS = ("y", "x", "z", "-x", "-y", "-z")
-"""Axes of the input that may point up; in BVH and glTF it is y."""
 
 # rows: where the new x, y and z lie in the input's frame
 _TURNS: dict[str, list[list[int]]] = {

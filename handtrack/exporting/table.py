@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.exporting.poses import joint_rotations, operator_frame, rotation_values
 from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES
 from handtrack.tracking.track import Track, mean_and_max
 
@@ -20,7 +21,9 @@ _DIGITS = 6
 _TIME_DIGITS = 9
 
 
-def columns(track: Track, origin_ns: int) -> dict[str, NDArray[Any]]:
+def columns(
+    track: Track, origin_ns: int, rotations: str | None = None, frame: str = "world"
+) -> dict[str, NDArray[Any]]:
     """The table of a track: names, with units at their ends, and columns of T values.
 
     `frame`, `time_ns`, `time_s` (from `origin_ns`), `status`, `reason`; the 20 angles
@@ -31,6 +34,10 @@ def columns(track: Track, origin_ns: int) -> dict[str, NDArray[Any]]:
     `truth_wrist_x_mm`); distances of the observed joints to the fitted ones (`error_wrist_mm`,
     `error_mean_mm`, `error_max_mm`) and of the output to the truth (`truth_error_mean_mm`);
     the fit's `objective_mm2`. NaN where nothing is known: of a finger that no frame saw too.
+
+    With `rotations` also the joints' in the world (see `joint_rotations`): `wrist_qw` ..., or
+    `wrist_r00` ... row by row, or `wrist_rx_rad` ... along the axis; with the operator's `frame`
+    `operator_wrist_x_mm` ... (see `operator_frame`).
     """
     table: dict[str, NDArray[Any]] = {
         "frame": track.frame_index,
@@ -62,10 +69,15 @@ def columns(track: Track, origin_ns: int) -> dict[str, NDArray[Any]]:
     joints = [("", filtered), ("observed_", track.observed)]
     if track.filtered:
         joints.insert(1, ("raw_", np.where(known, track.fitted_joints, np.nan)))
+    if frame == "operator":
+        joints.append(("operator_", operator_frame(filtered, track.hand)[0]))
     if track.truth is not None:
         joints.append(("truth_", track.truth))
     for kind, points in joints:
         wide([f"{kind}{name}_{c}_mm" for name in JOINT_NAMES for c in "xyz"], points * mm)
+    if rotations is not None:
+        kinds_of, values = rotation_values(joint_rotations(track), rotations)
+        wide([f"{name}_{kind}" for name in JOINT_NAMES for kind in kinds_of], values)
     wide([f"error_{name}_mm" for name in JOINT_NAMES], track.error * mm)
     table["error_mean_mm"], table["error_max_mm"] = mean_and_max(track.error * mm)
     if track.truth is not None:
@@ -75,14 +87,27 @@ def columns(track: Track, origin_ns: int) -> dict[str, NDArray[Any]]:
     return table
 
 
-def write_csv(track: Track, path: Path, origin_ns: int) -> None:
+def write_csv(
+    track: Track,
+    path: Path,
+    origin_ns: int,
+    rotations: str | None = None,
+    frame: str = "world",
+) -> None:
     """Text with a line of names; an empty cell where nothing is known."""
     from pyarrow import csv
 
-    csv.write_csv(_arrow(track, origin_ns, _DIGITS), path, csv.WriteOptions(quoting_style="needed"))
+    table = _arrow(columns(track, origin_ns, rotations, frame), _DIGITS)
+    csv.write_csv(table, path, csv.WriteOptions(quoting_style="needed"))
 
 
-def write_parquet(track: Track, path: Path, origin_ns: int) -> None:
+def write_parquet(
+    track: Track,
+    path: Path,
+    origin_ns: int,
+    rotations: str | None = None,
+    frame: str = "world",
+) -> None:
     """The same columns in full precision, null where nothing is known.
 
     What made the track is in the schema's metadata, key "handtrack", as JSON.
@@ -98,16 +123,16 @@ def write_parquet(track: Track, path: Path, origin_ns: int) -> None:
         "model": track.model.name,
         "settings": dict(track.settings),
     }
-    table = _arrow(track, origin_ns)
+    table = _arrow(columns(track, origin_ns, rotations, frame))
     metadata = {"handtrack": json.dumps(about)}
     parquet.write_table(table.replace_schema_metadata(metadata), path, compression="zstd")
 
 
-def _arrow(track: Track, origin_ns: int, digits: int | None = None) -> pyarrow.Table:
+def _arrow(table: dict[str, NDArray[Any]], digits: int | None = None) -> pyarrow.Table:
     import pyarrow
 
     arrays = {}
-    for name, values in columns(track, origin_ns).items():
+    for name, values in table.items():
         if values.dtype.kind == "f":
             known = np.isfinite(values)
             rounded = values

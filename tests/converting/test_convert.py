@@ -294,6 +294,24 @@ def test_formats_of_poses_say_what_the_fit_loses(tmp_path: Path) -> None:
     assert mcap.loss.max_mm == 0  # what was observed is in it
 
 
+def test_skeletons_and_markers_are_read_back(tmp_path: Path) -> None:
+    sequence = holed(moving())
+    (trc,) = ht.convert([sequence], tmp_path / "x.trc")
+    assert trc.loss.max_mm < 1e-5
+    assert trc.loss.joints == 0
+    lines = trc.path.read_text().splitlines()
+    assert lines[3].split("\t")[2::3][:3] == ["right_wrist", "right_thumb_cmc", "right_thumb_mcp"]
+    cells = lines[6 + 11].split("\t")
+    assert cells[2 + 3 * 12 : 5 + 3 * 12] == [""] * 3
+    written = [float(c) for c in cells[2 + 3 * 8 : 5 + 3 * 8]]
+    np.testing.assert_allclose(written, 1e3 * sequence.joints[11, 8], atol=1e-5)
+    for unit in ("cm", "mm"):
+        path = tmp_path / f"{unit}.bvh"
+        (bvh,) = ht.convert([moving()], path, models=exact, unit=unit, up="z")
+        assert bvh.loss.max_mm < 1
+        assert bvh.loss.joints == 0
+
+
 def test_loss_finds_what_was_changed() -> None:
     sequence = moving()
     source = Source.of(sequence, "right")

@@ -359,9 +359,9 @@ def test_what_cannot_be_done_is_said(track: Track, tmp_path: Path) -> None:
         ht.export(track, tmp_path / "x.fbx")
     with pytest.raises(SettingsError, match="no track has a frame"):
         ht.export([], tmp_path / "x.csv")
-    with pytest.raises(SettingsError, match="unit is 'ft'"):
+    with pytest.raises(SettingsError, match="unit 'ft' is unknown"):
         ht.export(track, tmp_path / "x.bvh", unit="ft")
-    with pytest.raises(SettingsError, match="up is 'w'"):
+    with pytest.raises(SettingsError, match="up 'w' is unknown"):
         ht.export(track, tmp_path / "x.glb", up="w")
     with pytest.raises(InputError, match="no folder"):
         ht.export(track, tmp_path / "nowhere" / "x.csv")
