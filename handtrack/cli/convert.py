@@ -11,6 +11,7 @@ import click
 from handtrack.cli.inputs import Reading, reading_options
 from handtrack.cli.models import hand_model_option, model_options, take_models
 from handtrack.cli.options import json_option, quiet_option
+from handtrack.cli.outputs import overwrite_option, refuse_existing
 from handtrack.cli.progress import compiling_said
 from handtrack.errors import InputError, SettingsError
 
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="bvh: the unit of length in OUTPUT.",
 )
+@overwrite_option
 @model_options
 @hand_model_option
 @json_option
@@ -67,6 +69,7 @@ def convert(
     degrees. Of several hands each gets a file, OUTPUT_right and OUTPUT_left, where a file of the
     format holds but one.
     """
+    from handtrack.converting.convert import files_of
     from handtrack.converting.targets import TARGETS, target_of
 
     mano = {name: options[name] for name in ("mano", "mano_tips")}
@@ -80,6 +83,7 @@ def convert(
     with compiling_said(quiet or as_json):
         for source, found in _found(input, reading, quiet or as_json, folder):
             target = output / f"{source.stem}{TARGETS[name].ending}" if folder else output
+            refuse_existing(files_of(found, target, name), "another name keeps what is there")
             target.parent.mkdir(parents=True, exist_ok=True)
             made += _convert(found, target, name, models, reading, up, length)
             if not (quiet or as_json):

@@ -121,7 +121,7 @@ def convert(
     origin = min(int(s.time_ns[0]) for s in sources)
     groups = [(path, sources)]
     if not target.together and len(sources) > 1:
-        groups = [(path.with_stem(f"{path.stem}_{s.name}"), [s]) for s in sources]
+        groups = [(own_file(path, s.name), [s]) for s in sources]
     options = {"mano": mano, "mano_tips": mano_tips, "profile": profile, "up": up, "unit": unit}
     made = []
     for file, group in groups:
@@ -131,6 +131,19 @@ def convert(
             filled = _filled(name, source)
             made.append(Converted(file, name, source.name, len(source), filled, lost, notes))
     return made
+
+
+def files_of(found: Sequence[Joints | Track], path: Path, to: str) -> list[Path]:
+    """The files that `convert` writes of hands, when it is given that name."""
+    found = [f for f in found if len(f)]
+    if TARGETS[to].together or len(found) < 2:
+        return [path]
+    return [own_file(path, name) for name in hand_topics((f.name, f.hand) for f in found)]
+
+
+def own_file(path: Path, hand: str) -> Path:
+    """The file of one hand of several."""
+    return path.with_stem(f"{path.stem}_{hand}")
 
 
 def _write(

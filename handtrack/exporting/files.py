@@ -14,7 +14,7 @@ from handtrack.exporting.arrays import write_npz
 from handtrack.exporting.bvh import write_bvh
 from handtrack.exporting.gltf import Hand, write_glb
 from handtrack.exporting.motion import motion
-from handtrack.exporting.robot_files import WRIST, check_base, write_robot
+from handtrack.exporting.robot_files import WRIST, check_base, moves_file, write_robot
 from handtrack.exporting.settings import TABLES, ExportSettings
 from handtrack.exporting.table import write_csv, write_parquet
 from handtrack.files.whole import whole_file
@@ -54,7 +54,10 @@ class Exported(NamedTuple):
 
 def targets(tracks: Sequence[Track], path: Path) -> list[Path]:
     """The files that `export` writes of tracks, when it is given that name."""
-    return [file for file, _ in _groups([t for t in tracks if len(t)], path)]
+    files = [file for file, _ in _groups([t for t in tracks if len(t)], path)]
+    if path.suffix.lower() in ROBOTS:
+        files += [moves_file(file) for file in files]
+    return files
 
 
 def _groups(tracks: Sequence[Track], path: Path) -> list[tuple[Path, list[tuple[str, Track]]]]:

@@ -39,6 +39,11 @@ def check_base(base: str) -> None:
         )
 
 
+def moves_file(path: Path) -> Path:
+    """Where the motion of a robot's joints is, beside its document."""
+    return path.with_name(f"{path.stem}_joints.csv")
+
+
 def write_robot(
     track: Track, part: Path, path: Path, origin_ns: int, *, raw: bool = False, base: str = WRIST
 ) -> list[str]:
@@ -76,7 +81,7 @@ def write_robot(
     else:
         document = mjcf(name, body, base, meshes, _may_touch(model))
     document.write(part, encoding="utf-8", xml_declaration=True)
-    moves = path.with_name(f"{path.stem}_joints.csv")
+    moves = moves_file(path)
     _write_moves(track, body, moves, origin_ns, raw, base)
     notes = [f"joints by time in {moves.name}"]
     if meshes:

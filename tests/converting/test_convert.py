@@ -360,6 +360,7 @@ def test_recordings_and_folders_on_the_command_line(
         (["x.csv", "x.csv", "--to", "c3d"], "no format to convert to"),
         (["x.csv", "folder"], "say the format with --to"),
         (["nothing.csv", "x.npz"], "no such file"),
+        (["x.csv", "x.csv"], "x.csv"),
     ],
 )
 def test_wrong_commands(
