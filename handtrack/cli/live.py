@@ -28,10 +28,13 @@ from handtrack.errors import HandtrackError, SettingsError
 
 if TYPE_CHECKING:
     from handtrack.hand.skeleton import Hand
-    from handtrack.live.lines import LiveFrame
+    from handtrack.live.lines import BadLines, LiveFrame
+    from handtrack.live.publish import Publisher
     from handtrack.live.sources import Newest
+    from handtrack.tracking.frame import TrackedFrame
     from handtrack.tracking.settings import TrackSettings
     from handtrack.tracking.tracker import Tracker
+    from handtrack.viewer.live_viewer import LiveViewer
 
 
 @click.command(short_help="Track a camera, or joints that arrive, as it happens.")
@@ -41,6 +44,12 @@ if TYPE_CHECKING:
 @click.option("--udp", metavar="[HOST:]PORT", help="The same in datagrams; here only by default.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="MCAP file to record.")
 @overwrite_option
+@click.option(
+    "--publish",
+    metavar="ADDRESS",
+    help="Send poses on as JSON lines: udp:[HOST:]PORT, zmq:[HOST:]PORT, ws://[HOST:]PORT;"
+    " this machine by default.",
+)
 @click.option("--no-view", is_flag=True, help="Open no viewer.")
 @connect_option
 @click.option("--hand", type=click.Choice(["left", "right"]), help="Only this hand.")
@@ -59,6 +68,7 @@ def live(
     stdin: bool,
     udp: str | None,
     output: Path | None,
+    publish: str | None,
     no_view: bool,
     connect: str | None,
     hand: Hand | None,
@@ -71,10 +81,11 @@ def live(
 ) -> None:
     """Detect, track, show and record at once, until the source ends or Ctrl-C.
 
-    Frames that come faster than they can be tracked are dropped, the oldest first, and counted.
-    A JSON line is an object as `handtrack track` reads them from .jsonl files: joints_m (21 x
-    3), hand, time_ns; without a time it is stamped with when it comes. Lines of text such as
-    "Right landmarks:, 63 numbers", with "Right wrist:, 7 numbers" before, are read as Hand Tracking
+    Pictures and datagrams that come faster than they can be tracked are dropped, the oldest
+    first, and counted; a pipe waits. A line that is wrong is counted and left out. A JSON line
+    is an object as `handtrack track` reads them from .jsonl files: joints_m (21 x 3), hand,
+    time_ns; without a time it is stamped with when it comes. Lines of text such as "Right
+    landmarks:, 63 numbers", with "Right wrist:, 7 numbers" before, are read as Hand Tracking
     Streamer sends them.
     """
     sources = [camera is not None, video is not None, stdin, udp is not None]
@@ -89,20 +100,30 @@ def live(
     calibrate = settings.calibration.method is True
     models = take_models(options, limits)
     from handtrack import Tracker
+    from handtrack.live.lines import BadLines
     from handtrack.live.live import LiveCount, RecorderSink, ViewerSink, run_live
+    from handtrack.live.publish import publisher
     from handtrack.viewer.live_viewer import LiveViewer
 
+    silent = quiet or as_json
+    bad = BadLines(lambda text: None if silent else click.echo(f"warning: {text}", err=True))
     with ExitStack() as stack:
         with compiling_said(quiet or as_json):
             warm_up(settings)
         queue, frames, source = _source(
-            camera, video, udp, (hand, unit, order, model), quiet, stack
+            camera, video, udp, (hand, unit, order, model), quiet, stack, bad
         )
         output.parent.mkdir(parents=True, exist_ok=True)
         sinks: list[Any] = [stack.enter_context(RecorderSink(output, source, recording))]
-        if not no_view:
-            viewer = stack.enter_context(LiveViewer(connect, mesh=bool(recording.mesh.every)))
+        viewer = LiveViewer(connect, mesh=bool(recording.mesh.every))
+        if not no_view and _shown(viewer, connect, quiet or as_json, stack):
             sinks.append(ViewerSink(viewer))
+        send = None
+        if publish is not None:
+            out = stack.enter_context(publisher(publish))
+            send = partial(_send, out)
+            if not quiet:
+                click.echo(f"publishing to {out.address}", err=True)
         # a subject's own hand, and MANO's, stay as they are given
         given = models.file is not None or models.base[0] == "mano"
         recalibrated = partial(Tracker, settings=settings) if calibrate and not given else None
@@ -112,14 +133,41 @@ def live(
             sinks,
             recalibrated=recalibrated,
             dropped=lambda: queue.dropped,
+            publish=send,
         )
+        count.bad = bad.count
         queue.end()
     if as_json:
         click.echo(json.dumps(count.to_dict() | {"output": str(output)}))
     elif not quiet:
         click.echo(f"{count.sentence} -> {output}")
+    if bad.first is not None and not count.frames:
+        raise bad.first
     if not any(count.seen.values()):
         raise HandtrackError(f"no hand was seen in {count.frames:,} frames")
+
+
+def _shown(viewer: LiveViewer, connect: str | None, quiet: bool, stack: ExitStack) -> bool:
+    """Whether the viewer could be opened; without a display all else goes on.
+
+    Raises:
+        HandtrackError: the viewer that was to be connected to is not there.
+    """
+    try:
+        stack.enter_context(viewer)
+    except HandtrackError as error:
+        if connect is not None:
+            raise
+        if not quiet:
+            click.echo(f"warning: no viewer: {error}; going on as with --no-view", err=True)
+        return False
+    return True
+
+
+def _send(out: Publisher, frame: TrackedFrame, hand: Hand, index: int) -> None:
+    from handtrack.live.publish import message_of
+
+    out.send(message_of(frame, hand, index))
 
 
 def _free_name() -> Path:
@@ -135,6 +183,7 @@ def _source(
     said: tuple[Hand | None, str | None, str | None, Path | None],
     quiet: bool,
     stack: ExitStack,
+    bad: BadLines,
 ) -> tuple[Newest[Any], Iterator[LiveFrame], str]:
     """Where frames wait, the hands in them, and what that is."""
     from handtrack.live import sources as live_frames
@@ -158,12 +207,12 @@ def _source(
     given = check_settings(unit, order, None)
     if udp is None:
         lines = live_frames.lines()
-        return lines, from_lines(lines, "standard input", given, hand), "standard input"
+        return lines, from_lines(lines, "standard input", given, hand, bad), "standard input"
     lines, (host, port) = live_frames.datagrams(udp)
     if not quiet:
         click.echo(f"listening on {host}:{port}, Ctrl-C ends", err=True)
     name = f"{host}:{port}"
-    return lines, from_lines(lines, name, given, hand), name
+    return lines, from_lines(lines, name, given, hand, bad), name
 
 
 def _only(frame: LiveFrame, hand: Hand | None) -> LiveFrame:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.errors import InputError
 from handtrack.hand.skeleton import Hand
 from handtrack.live.sources import Newest
 from handtrack.sequences.assemble import Given, assemble
@@ -65,8 +66,39 @@ class _Line:
         return None if self.stamps is None else self.stamps.values[0]
 
 
+def refuse(error: InputError) -> None:
+    """What a line that is wrong does unless told otherwise: it ends all."""
+    raise error
+
+
+@dataclass
+class BadLines:
+    """Counts lines that are wrong, and tells of the first.
+
+    Attributes:
+        count: how many came.
+        first: what was wrong with the first.
+        say: is told of the first.
+    """
+
+    say: Callable[[str], None]
+    count: int = 0
+    first: InputError | None = None
+
+    def __call__(self, error: InputError) -> None:
+        """The next one."""
+        if self.first is None:
+            self.first = error
+            self.say(f"left out: {error}; further ones are counted")
+        self.count += 1
+
+
 def from_lines(
-    queue: Newest[bytes], source: str, given: Given | None = None, hand: Hand | None = None
+    queue: Newest[bytes],
+    source: str,
+    given: Given | None = None,
+    hand: Hand | None = None,
+    wrong: Callable[[InputError], None] = refuse,
 ) -> Iterator[LiveFrame]:
     """Joints in JSON lines, in any form that `handtrack track` reads from a .jsonl file, or in
     lines of text such as `Right landmarks:, 63 numbers` (`landmark_lines`).
@@ -79,37 +111,50 @@ def from_lines(
         source: named in messages.
         given: unit and joint order, where the lines do not say.
         hand: which hand it is, where they do not say; right by default.
+        wrong: is given what is wrong with a line, which is left out.
 
     A stamp that comes again or goes back a little is put behind the one before; after a clock
     that was set, time goes on as if it had not been. The first frame with such a time says so.
 
     Raises:
-        InputError: a line that is no frame of joints, or whose time is none.
+        InputError: a line that is no frame of joints, or whose time is none, if `wrong` does.
     """
     clock = _Clock()
     waiting: list[_Line] = []
-    for n, (value, where) in enumerate(_values(queue, source)):
-        read = _read(value, n, time.monotonic(), where, given or Given(), hand)
+    for n, (value, where) in enumerate(_values(queue, source, wrong)):
+        try:
+            read = _read(value, n, time.monotonic(), where, given or Given(), hand)
+            known = clock.knows([*waiting, read][-_WAITING:])
+        except InputError as error:
+            wrong(error)
+            continue
         waiting = [*waiting, read][-_WAITING:]
-        if clock.knows(waiting):
-            yield from clock.frames(waiting)
+        if known:
+            yield from clock.frames(waiting, wrong)
             waiting = []
     if waiting:
-        yield from clock.frames(waiting)
+        yield from clock.frames(waiting, wrong)
 
 
-def _values(queue: Newest[bytes], source: str) -> Iterator[tuple[Any, Path]]:
+def _values(
+    queue: Newest[bytes], source: str, wrong: Callable[[InputError], None]
+) -> Iterator[tuple[Any, Path]]:
     """What lines hold, JSON or text, and where each is."""
     where = Path(source)
     text = LandmarkLines(where)
     for n, line in enumerate(queue):
         where = Path(f"{source}, line {n + 1}")
-        if line.lstrip()[:1] in _JSON or not (text.begun or is_text_line(line)):
-            yield decode(line, Any, where), where
-        else:
-            text.where = where
-            for frame in text.take(line):
-                yield frame, where
+        try:
+            if line.lstrip()[:1] in _JSON or not (text.begun or is_text_line(line)):
+                found = [decode(line, Any, where)]
+            else:
+                text.where = where
+                found = text.take(line)
+        except InputError as error:
+            wrong(error)
+            continue
+        for frame in found:
+            yield frame, where
     for frame in text.rest():
         yield frame, where
 
@@ -167,11 +212,21 @@ class _Clock:
         self._factor = 10.0 ** round(np.log10(step))
         return True
 
-    def frames(self, waiting: list[_Line]) -> Iterator[LiveFrame]:
+    def frames(
+        self, waiting: list[_Line], wrong: Callable[[InputError], None]
+    ) -> Iterator[LiveFrame]:
         """The lines with their times; those without stamps by when they came."""
+        stamped: dict[int, int] = {}
+        for line in list(waiting):
+            try:
+                if line.stamps is not None:
+                    stamped[line.index] = self._stamped(line)
+            except InputError as error:
+                waiting = [other for other in waiting if other is not line]
+                wrong(error)
         first = next((line for line in waiting if line.stamps is not None), None)
         if first is not None and self._reference is None:
-            self._reference = (first.came, self._stamped(first))
+            self._reference = (first.came, stamped[first.index])
         came, at = self._reference or (self._begun, 0)
         self._reference = (came, at)
         for line in waiting:
@@ -180,7 +235,7 @@ class _Clock:
                 if self._last is not None:  # lines that come together
                     time_ns = max(time_ns, self._last + 1 - self._set_ns)
             else:
-                time_ns = self._stamped(line)
+                time_ns = stamped[line.index]
                 self._reference = came, at = line.came, time_ns
             time_ns, note = self._increasing(time_ns + self._set_ns)
             yield LiveFrame(time_ns, line.index, line.joints, line.confidence, line.came, note)

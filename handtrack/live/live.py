@@ -60,22 +60,31 @@ class LiveCount:
         dropped: how many the source had to drop.
         seen: frames in which each hand was fitted.
         latency_s: from each frame's coming to its being recorded and shown [s].
+        published_s: from each frame's coming to its being sent on [s].
+        bad: lines that were wrong and left out.
     """
 
     frames: int = 0
     dropped: int = 0
     seen: dict[Hand, int] = field(default_factory=dict)
     latency_s: list[float] = field(default_factory=list)
+    published_s: list[float] = field(default_factory=list)
+    bad: int = 0
 
     def to_dict(self) -> dict[str, Any]:
         """As plain values; latencies in milliseconds."""
-        median, p95 = self._latency_ms
-        return {
+        median, p95 = _ms(self.latency_s)
+        told: dict[str, Any] = {
             "frames": self.frames,
             "dropped": self.dropped,
+            "bad": self.bad,
             "fitted": dict(self.seen),
             "latency_ms": {"median": median, "p95": p95},
         }
+        if self.published_s:
+            median, p95 = _ms(self.published_s)
+            told["published"] = {"frames": len(self.published_s), "median": median, "p95": p95}
+        return told
 
     @property
     def sentence(self) -> str:
@@ -83,16 +92,21 @@ class LiveCount:
         total = self.frames + self.dropped
         share = f" ({self.dropped / total:.1%})" if total else ""
         hands = ", ".join(f"{hand} hand in {n:,}" for hand, n in self.seen.items()) or "no hand"
-        median, p95 = self._latency_ms
-        late = f"; latency {median:.0f} ms, p95 {p95:.0f}" if self.frames else ""
-        return f"{self.frames:,} frames, {self.dropped:,} dropped{share}: {hands}{late}"
+        median, p95 = _ms(self.latency_s)
+        late = f"; latency {median:.1f} ms, p95 {p95:.1f}" if self.frames else ""
+        if self.published_s:
+            median, p95 = _ms(self.published_s)
+            late += f", to the publisher {median:.1f} ms, p95 {p95:.1f}"
+        bad = f", {self.bad:,} bad" if self.bad else ""
+        return f"{self.frames:,} frames, {self.dropped:,} dropped{share}{bad}: {hands}{late}"
 
-    @property
-    def _latency_ms(self) -> tuple[float, float]:
-        if not self.latency_s:
-            return 0.0, 0.0
-        median, p95 = np.percentile(self.latency_s, [50, 95])
-        return round(1e3 * float(median), 1), round(1e3 * float(p95), 1)
+
+def _ms(seconds: list[float]) -> tuple[float, float]:
+    """Median and 95th percentile [ms]."""
+    if not seconds:
+        return 0.0, 0.0
+    median, p95 = np.percentile(seconds, [50, 95])
+    return round(1e3 * float(median), 2), round(1e3 * float(p95), 2)
 
 
 def from_pictures(queue: Newest[Picture], detector: Detector) -> Iterator[LiveFrame]:
@@ -118,6 +132,7 @@ def run_live(
     *,
     recalibrated: Callable[[HandModel], Tracker] | None = None,
     dropped: Callable[[], int] = lambda: 0,
+    publish: Callable[[TrackedFrame, Hand, int], None] | None = None,
 ) -> LiveCount:
     """Track frames as they come, until they end or Ctrl-C.
 
@@ -132,9 +147,10 @@ def run_live(
         recalibrated: makes the tracker of a hand that was calibrated, beside the tracking, from
             its first `CALIBRATION_S` seconds. None: the hand stays as it is made.
         dropped: says how many frames the source dropped so far.
+        publish: sends a frame on, before it goes anywhere else.
     """
     trackers: dict[Hand, Tracker] = {}
-    waiting: dict[Hand, deque[int]] = {hand: deque() for hand in HANDS}
+    waiting: dict[Hand, deque[tuple[int, float]]] = {hand: deque() for hand in HANDS}
     count = LiveCount()
     targets = list(sinks)
 
@@ -142,7 +158,10 @@ def run_live(
         """Frames that are final, of which a filter may have made them wait."""
         for one in tracked:
             count.seen[hand] = count.seen.get(hand, 0) + (one.status == "fitted")
-            index = waiting[hand].popleft()
+            index, came = waiting[hand].popleft()
+            if publish is not None:
+                publish(one, hand, index)
+                count.published_s.append(time.monotonic() - came)
             for sink in targets:
                 sink.take(one, trackers[hand], index)
 
@@ -174,7 +193,7 @@ def run_live(
                     if joints is not None:
                         calibrations[hand].take(joints, frame.time_ns, frame.confidence[hand])
                     better(hand, frame.time_ns)
-                waiting[hand].append(frame.index)
+                waiting[hand].append((frame.index, frame.came))
                 if frame.note:
                     for sink in targets:
                         sink.say(hand, Event(frame.time_ns, "warning", frame.note))

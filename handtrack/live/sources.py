@@ -1,7 +1,7 @@
 """Frames as they come: pictures of a camera or of a file in real time, joints as JSON lines.
 
-A source never makes its reader wait for what is old: it holds the newest frames and counts
-those that it had to drop.
+A camera and datagrams never make their reader wait for what is old: they hold the newest frames
+and count those that they had to drop. A pipe is read as fast as its frames are tracked.
 """
 
 from __future__ import annotations
@@ -32,15 +32,17 @@ _POLL_S = 0.2
 
 @dataclass
 class Newest(Generic[_Item]):
-    """A short queue from one thread to another; what does not fit pushes the oldest out.
+    """A short queue from one thread to another; what does not fit pushes the oldest out, or waits.
 
     Attributes:
         size: how many items wait at most.
+        patient: whether what does not fit waits until there is room, and nothing is dropped.
         dropped: how many were pushed out.
     """
 
     size: int = 1
     dropped: int = 0
+    patient: bool = False
     _items: deque[_Item] = field(default_factory=deque)
     _ready: threading.Condition = field(default_factory=threading.Condition)
     _ended: bool = False
@@ -48,17 +50,19 @@ class Newest(Generic[_Item]):
 
     def put(self, item: _Item) -> None:
         with self._ready:
+            while self.patient and len(self._items) >= self.size and not self._ended:
+                self._ready.wait(_POLL_S)
             if len(self._items) >= self.size:
                 self._items.popleft()
                 self.dropped += 1
             self._items.append(item)
-            self._ready.notify()
+            self._ready.notify_all()
 
     def end(self, error: BaseException | None = None) -> None:
         """Nothing more comes; an error is raised for the reader."""
         with self._ready:
             self._ended, self._error = True, error
-            self._ready.notify()
+            self._ready.notify_all()
 
     @property
     def ended(self) -> bool:
@@ -75,12 +79,15 @@ class Newest(Generic[_Item]):
                         raise self._error
                     return
                 item = self._items.popleft()
+                self._ready.notify_all()
             yield item
 
 
-def in_background(fill: Callable[[Newest[_Item]], None], size: int = 1) -> Newest[_Item]:
+def in_background(
+    fill: Callable[[Newest[_Item]], None], size: int = 1, patient: bool = False
+) -> Newest[_Item]:
     """A queue that a thread of its own fills; the thread dies with the program."""
-    queue: Newest[_Item] = Newest(size)
+    queue: Newest[_Item] = Newest(size, patient=patient)
 
     def run() -> None:
         try:
@@ -141,7 +148,7 @@ def camera(index: int) -> Newest[Picture]:
 
 
 def lines(stream: IO[bytes] | None = None, size: int = 8) -> Newest[bytes]:
-    """Lines of a stream, standard input by default."""
+    """Lines of a stream, standard input by default; whoever writes it waits for the reader."""
     stream = stream or sys.stdin.buffer
 
     def fill(queue: Newest[bytes]) -> None:
@@ -149,7 +156,7 @@ def lines(stream: IO[bytes] | None = None, size: int = 8) -> Newest[bytes]:
             if line.strip():
                 queue.put(line)
 
-    return in_background(fill, size)
+    return in_background(fill, size, patient=True)
 
 
 def datagrams(address: str, size: int = 8) -> tuple[Newest[bytes], tuple[str, int]]:
