@@ -50,8 +50,11 @@ def table(head: list[str], rows: list[list[str]]) -> str:
 
 def formats() -> str:
     """Every format, with all that is to be known of it."""
-    head = ["source", "what is read", "joint order", "unit", "hands", "recognised by", "needs"]
-    rows = [[f.name, f.reads, f.order, f.unit, f.hands, f.known_by, f.needs] for f in FORMATS]
+    head = ["source", "what is read", "joint order; unit; hands", "recognised by"]
+    rows = []
+    for f in FORMATS:
+        needs = f"; needs {f.needs}" if f.needs else ""
+        rows.append([f"**{f.name}**", f.reads + needs, f"{f.order}; {f.unit}; {f.hands}", f.known_by])
     return table(head, rows)
 
 
