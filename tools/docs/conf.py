@@ -28,7 +28,8 @@ exclude_patterns = ["gallery/*", "generated/*", "examples/*.ipynb", "examples/*.
 
 html_theme = "furo"
 html_title = f"handtrack {__version__}"
-html_static_path: list[str] = []
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 html_theme_options = {"navigation_with_keys": True}
 html_show_sphinx = False
 

@@ -54,7 +54,9 @@ def formats() -> str:
     rows = []
     for f in FORMATS:
         needs = f"; needs {f.needs}" if f.needs else ""
-        rows.append([f"**{f.name}**", f.reads + needs, f"{f.order}; {f.unit}; {f.hands}", f.known_by])
+        rows.append(
+            [f"**{f.name}**", f.reads + needs, f"{f.order}; {f.unit}; {f.hands}", f.known_by]
+        )
     return table(head, rows)
 
 

@@ -49,22 +49,32 @@ def steadying() -> str:
 
 
 def methods() -> str:
-    """Sequences by the paper's method, ours, each filter and the baselines."""
+    """Sequences by the paper's method, ours, each filter and the baselines: errors, jitter."""
     found = numbers("methods")
     names = list(found[0]["methods"])
-    rows = []
+    errors, jitters = [], []
     for one in found:
         first = one["methods"][names[0]]
-        cells = [one["sequence"], str(first["frames"]), first["against"]]
-        rows.append([*cells, *(_method_cell(one["methods"][name]) for name in names)])
-    return table(["sequence", "frames", "against", *names], rows)
+        head = [one["sequence"], str(first["frames"])]
+        rows = [one["methods"][name] for name in names]
+        errors.append([*head, first["against"], *map(_error, rows)])
+        jitters.append([*head, *(f"{r['jitter_m_s3']:.0f}" if _known(r) else "–" for r in rows)])
+    return (
+        "**PA-MPJPE, mm, mean ± std over frames**\n\n"
+        + table(["sequence", "frames", "against", *names], errors)
+        + "\n**Jitter of the output, m/s³**\n\n"
+        + table(["sequence", "frames", *names], jitters)
+    )
 
 
-def _method_cell(row: dict[str, Any]) -> str:
+def _known(row: dict[str, Any]) -> bool:
+    mean = row["pa_mpjpe_mm"]["mean"]
+    return mean is not None and mean == mean
+
+
+def _error(row: dict[str, Any]) -> str:
     error = row["pa_mpjpe_mm"]
-    if error["mean"] is None or error["mean"] != error["mean"]:
-        return "–"
-    return f"{error['mean']:.2f} ± {error['std']:.2f} ({row['jitter_m_s3']:.3g})"
+    return f"{error['mean']:.2f} ± {error['std']:.2f}" if _known(row) else "–"
 
 
 def performance() -> dict[str, str]:

@@ -1,6 +1,6 @@
 """
-Which angles a camera sees
-==========================
+How sure each angle is
+======================
 
 The fit knows what its joints say of each angle: its variances are the inverse Hessian's. Here
 the fingertips are hidden one after another.
@@ -25,14 +25,15 @@ joints += rng.normal(0.0, 0.003, joints.shape)
 # An angle that nothing observes has an infinite variance, shown as a bar that leaves the picture.
 
 figure, axes = plt.subplots(figsize=(9, 4), layout="constrained")
-for hidden in (0, 2, 5):
+places = np.arange(len(ANGLE_NAMES))
+for k, hidden in enumerate((0, 2, 5)):
     seen = joints.copy()
     seen[list(TIPS[:hidden])] = np.nan
     fit = ht.fit(model, seen, noise_mm=3.0)
     sigma = np.rad2deg(np.sqrt(fit.variance))
     label = "all joints" if not hidden else "without the tips of " + ", ".join(FINGERS[:hidden])
-    axes.plot(np.minimum(sigma, 90), "o-", ms=4, lw=0.8, label=label)
-axes.set_xticks(range(20), ANGLE_NAMES, rotation=90, fontsize=7)
-axes.set(ylabel="standard deviation [deg]", ylim=(0, 30))
-axes.legend()
+    axes.bar(places + 0.27 * (k - 1), np.minimum(sigma, 90), 0.27, label=label)
+axes.set_xticks(places, ANGLE_NAMES, rotation=90, fontsize=7)
+axes.set(ylabel="standard deviation [deg]", ylim=(0, 40))
+axes.legend(loc="upper center", ncols=3, fontsize=7)
 plt.show()
