@@ -190,9 +190,6 @@ class Results:
         Raises:
             InputError: a joint is infinite, or a weight negative or not finite.
         """
-        if start.flags.writeable:  # one type of argument, or the loop is compiled once for each
-            start = start.view()
-            start.flags.writeable = False
         wrong = frames.fit_frames(
             constants(model),
             program.contacts(model),

@@ -112,6 +112,7 @@ def pictures(folder: Path) -> None:
     data = ROOT.parent / "shared" / "data"
     found = {
         "clip.mp4": data / "mediapipe_samples" / "hand_landmarker_test_video.mp4",
+        "hands.mp4": data / "mediapipe_samples" / "hand_landmarker_test_video.mp4",
         "cam0.mp4": data / "stereo" / "cam0_test.mp4",
         "cam1.mp4": data / "stereo" / "cam1_test.mp4",
     }
@@ -171,10 +172,7 @@ def lacking(needs: str, desk: Path) -> str:
 @pytest.fixture
 def here(desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """An empty table with what lies on the desk; windows open and close at once."""
-    for path in desk.iterdir():
-        (tmp_path / path.name).symlink_to(path)
-    (tmp_path / "recordings").unlink()
-    shutil.copytree(desk / "recordings", tmp_path / "recordings")
+    shutil.copytree(desk, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("RERUN_CLI_PATH", "/usr/bin/true")
     monkeypatch.setenv("PATH", f"{desk / 'bin'}{os.pathsep}{os.environ['PATH']}")
