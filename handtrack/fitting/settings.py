@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from handtrack.kernels.losses import LOSSES as LOSSES
+from handtrack.kernels.losses import Robust as Robust
 from handtrack.settings import Settings, setting
 
 Update = Literal["exact", "li2021"]
 Method = Literal["newton", "bcd"]
-Robust = Literal["none", "huber", "geman-mcclure"]
 UPDATES: tuple[Update, ...] = ("exact", "li2021")
 METHODS: tuple[Method, ...] = ("newton", "bcd")
-LOSSES: tuple[Robust, ...] = ("none", "huber", "geman-mcclure")
-"""In the order of `kernels.workspace`'s numbers for them."""
 
 
 @dataclass(frozen=True)

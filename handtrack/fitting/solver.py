@@ -17,6 +17,7 @@ from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
 from handtrack.kernels import bends, covariance, workspace
 from handtrack.kernels import frame_loop as frames
 from handtrack.kernels.compiled import addresses
+from handtrack.kernels.losses import NO_LOSS
 from handtrack.kernels.newton import newton
 from handtrack.read_only import read_only
 
@@ -337,7 +338,7 @@ def load_loop() -> None:
     """Load the frame loop's machine code, or compile it: run it with no frame."""
     model = HandModel.default()
     none = np.empty((0, N_JOINTS, 3)), np.empty((0, N_JOINTS))
-    settings = (0, 1, 1, 0.0, workspace.NO_LOSS, 0.0, 0.0, 1, 0)
+    settings = (0, 1, 1, 0.0, NO_LOSS, 0.0, 0.0, 1, 0)
     arrays = (model.mean_angles, start_at(model), *none, Results(0).rows, Results(0).covariance)
     frames.fit_frames(constants(model), _NO_CONTACTS, (0, 0, 0, 0, 0), settings, *arrays)
 

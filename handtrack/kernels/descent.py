@@ -11,6 +11,7 @@ import math
 
 from handtrack.kernels.compiled import Solver, inline
 from handtrack.kernels.limits import inside_ellipse, saddle_limits, semi_axes
+from handtrack.kernels.losses import NO_LOSS
 from handtrack.kernels.objectives import NOTHING, place
 from handtrack.kernels.procrustes import procrustes
 from handtrack.kernels.steps import clear_step, keep_pose, take_step
@@ -40,7 +41,6 @@ from handtrack.kernels.workspace import (
     HINGE_2,
     JOINTS,
     LIMIT,
-    NO_LOSS,
 )
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 from handtrack.kernels.compiled import inline
 from handtrack.kernels.kinematics import place_fingers, place_marks
+from handtrack.kernels.losses import NO_LOSS, soft
 from handtrack.kernels.vectors import apply_transposed, distance2, lane, matrix, part, put_lane, sub
-from handtrack.kernels.workspace import FINGERS, HUBER, JOINTS, LANES, NO_LOSS
+from handtrack.kernels.workspace import FINGERS, JOINTS, LANES
+
+loss_of = inline(soft)
 
 # [m^2] an objective this small is zero
 NOTHING = 1e-22
@@ -17,7 +18,7 @@ NOTHING = 1e-22
 def place(w):
     """Place the pose, see the targets from it, and weigh it: the objective (eq. 6).
 
-    `loss` in the workspace is NO_LOSS, HUBER or GEMAN_MCCLURE, `spread2` the square of the
+    `loss` in the workspace is one of `losses`, `spread2` the square of the
     distance at which it bends [m^2].
     """
     place_fingers(w)
@@ -43,22 +44,13 @@ def place(w):
 
 @inline
 def soften(w):
-    """Costs and weights (the loss's slope) under a robust loss of the squared distance q (8).
-
-    Huber: q up to spread^2, then 2 spread sqrt(q) - spread^2. Geman-McClure:
-    q spread^2 / (q + spread^2).
-    """
+    """Costs and weights (the loss's slope) under a robust loss of the squared distance q (8)."""
     spread2 = w.spread2
     for f in range(FINGERS + 1):
         w.cost[f] = 0.0
         for j in range(JOINTS):
             q = distance2(lane(w.mark, j, f), lane(w.seen, j, f))
             weight = w.weight[j, f]
-            if w.loss == HUBER:
-                slope = math.sqrt(spread2 / q) if q > spread2 else 1.0
-                w.pull[j, f] = weight * slope
-                w.cost[f] += weight * (2.0 * slope * q - spread2 if q > spread2 else q)
-            else:
-                g = spread2 / (q + spread2)
-                w.pull[j, f] = weight * g * g
-                w.cost[f] += weight * q * g
+            cost, slope = loss_of(w.loss, q, spread2)
+            w.pull[j, f] = weight * slope
+            w.cost[f] += weight * cost

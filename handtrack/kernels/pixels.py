@@ -6,13 +6,13 @@ squared distances of the angles from the expected ones by their stiffness.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from handtrack.kernels.compiled import inline
 from handtrack.kernels.kinematics import place_fingers, place_marks
 from handtrack.kernels.lens import view
+from handtrack.kernels.losses import HUBER
+from handtrack.kernels.objectives import loss_of
 from handtrack.kernels.vectors import (
     add,
     apply,
@@ -58,8 +58,8 @@ def weigh_pixels(w, seen):
             if weight > 0.0:
                 there, u, v, _, _ = view(cameras[c], p)
                 q = (u - pixels[c, k, 0]) ** 2 + (v - pixels[c, k, 1]) ** 2 if there else BEHIND
-                if spread2 > 0.0 and q > spread2:
-                    q = 2.0 * math.sqrt(spread2 * q) - spread2
+                if spread2 > 0.0:
+                    q, _ = loss_of(HUBER, q, spread2)
                 total += weight * q
     for i in range(N_ANGLES):
         total += stiffness[i] * (w.angle[i % 4, i // 4] - prior[i]) ** 2
@@ -118,9 +118,9 @@ def differentiate_pixels(w, seen, g, h):
             if not there:
                 continue
             ru, rv = u - pixels[c, k, 0], v - pixels[c, k, 1]
-            q = ru * ru + rv * rv
-            if spread2 > 0.0 and q > spread2:
-                weight *= math.sqrt(spread2 / q)
+            if spread2 > 0.0:
+                _, slope = loss_of(HUBER, ru * ru + rv * rv, spread2)
+                weight *= slope
             n = picture_rows(w, f, j, apply_transposed(r, du), apply_transposed(r, dv), rows)
             add_picture(rows, 4 * f, n, weight, ru, rv, g, h)
     for i in range(N_ANGLES):

@@ -31,8 +31,6 @@ N_ANGLES, N_POSE = 20, 26
 
 # what `state` says
 CONVERGED, LIMIT, STALLED, TOO_FEW, UNDERDETERMINED = range(5)
-# what `loss` says
-NO_LOSS, HUBER, GEMAN_MCCLURE = range(3)
 
 # pairs of 19 capsules; numbers of a pair that may meet (see `hand.capsules.contacts`)
 MAX_CONTACTS, PAIR = 171, 5

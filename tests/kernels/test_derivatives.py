@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from handtrack.hand.limits import PRESETS
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import HANDS
-from handtrack.kernels import workspace
+from handtrack.kernels import losses
 
 TWISTS = (0.0, 0.3)
 WHERE = ("inside", "at the limits", "at zero", "beyond")
@@ -156,7 +156,7 @@ def test_objective_and_gradient_of_robust_losses(loss, seed):
     joints[[2, 9, 20]] += 0.08
     weights[[2, 9, 20]] = 1.0
     s = loaded(model, joints, weights, angles, rotation, translation, 0.3)
-    s["loss"], s["spread2"] = getattr(workspace, loss), spread**2
+    s["loss"], s["spread2"] = getattr(losses, loss), spread**2
 
     def half(steps: np.ndarray) -> np.ndarray:
         placed = moved_joints(model, angles, rotation, translation, steps, 0.3)

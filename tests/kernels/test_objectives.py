@@ -8,7 +8,7 @@ from kernel_cases import loaded, place
 from scipy.spatial.transform import Rotation
 
 from handtrack.hand.model import HandModel
-from handtrack.kernels.workspace import GEMAN_MCCLURE, HUBER, NO_LOSS
+from handtrack.kernels.losses import GEMAN_MCCLURE, HUBER, NO_LOSS
 
 SPREAD2 = 0.02**2
 
