@@ -14,15 +14,10 @@ from typing import Any
 import click
 
 from handtrack import __version__
+from handtrack.cli.commands import COMMANDS as COMMANDS
+from handtrack.cli.helping import pointing_to_help, suggestion
 from handtrack.cli.streams import STOPPED, stopping, usable_streams
 from handtrack.errors import HandtrackError, InputError, ModelError, SettingsError
-
-COMMANDS = (
-    *("detect", "calibrate", "track", "batch", "live", "replay", "stability", "export"),
-    "convert",
-    *("info", "retrack", "diff", "recover"),
-)
-"""In the order of the help."""
 
 
 def main() -> None:
@@ -39,10 +34,12 @@ def run(arguments: list[str]) -> int:
     """Run one command and return its exit status; what goes wrong is one line on stderr."""
     with warnings.catch_warnings(), stopping():
         warnings.showwarning = _show_warning  # type: ignore[assignment]
+        if arguments[:1] == ["help"]:
+            arguments = [*arguments[1:2], "--help"]
         try:
             return int(cli.main(arguments or ["--help"], "handtrack", standalone_mode=False) or 0)
         except click.ClickException as error:
-            return _failed(error.format_message(), 2)
+            return _failed(pointing_to_help(error), 2)
         except (InputError, SettingsError, ModelError) as error:
             return _failed(str(error), 2)
         except HandtrackError as error:
@@ -74,11 +71,37 @@ def _show_warning(message: Warning | str, category: type[Warning], *where: Any) 
     click.echo(f"warning: {text}", err=True)
 
 
+EXAMPLES = (
+    "handtrack track clip.json            fit, record, print the numbers",
+    "handtrack replay recordings/clip.mcap     look at it",
+    "handtrack help track                 options and examples of a command",
+)
+COMPLETION = (
+    'Completion of commands and options: eval "$(_HANDTRACK_COMPLETE=bash_source handtrack)" in'
+    " ~/.bashrc; zsh_source in ~/.zshrc; for fish, _HANDTRACK_COMPLETE=fish_source handtrack |"
+    " source."
+)
+
+
 class _Commands(click.Group):
     """Commands that load when they are asked for."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args[0] not in COMMANDS and not args[0].startswith("-"):
+            ctx.fail(f"No such command {args[0]!r}.{suggestion(args[0], COMMANDS)}")
+        return super().resolve_command(ctx, args)
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Examples"):
+            for line in EXAMPLES:
+                formatter.write_text(line)
+        formatter.write_paragraph()
+        formatter.write_text(COMPLETION)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handtrack.batching.progress import Progress, duration
+from handtrack.cli.helping import Command
 from handtrack.cli.inputs import Reading, reading_options
 from handtrack.cli.models import hand_model_option, model_options, take_models
 from handtrack.cli.options import (
@@ -37,7 +38,7 @@ _SHOWN = 10
 """Failures that are printed; the table has all."""
 
 
-@click.command(short_help="Track a whole data set, on all cores or on a cluster.")
+@click.command(cls=Command, short_help="Track a whole data set, on all cores or on a cluster.")
 @click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
 @click.option("-o", "--output", required=True, metavar="OUT", help="Folder or URL of the results.")
 @click.option(

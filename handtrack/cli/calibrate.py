@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handtrack.cli.helping import Command
 from handtrack.cli.inputs import Reading, reading_options
 from handtrack.cli.models import model_options, take_models
 from handtrack.cli.options import json_option, quiet_option
@@ -20,7 +21,9 @@ if TYPE_CHECKING:
     from handtrack.cli.models import Models
 
 
-@click.command(short_help="Find a subject's own hand in sequences and keep it in a file.")
+@click.command(
+    cls=Command, short_help="Find a subject's own hand in sequences and keep it in a file."
+)
 @click.argument("inputs", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "-o",

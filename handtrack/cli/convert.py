@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handtrack.cli.helping import Command
 from handtrack.cli.inputs import Reading, reading_options
 from handtrack.cli.models import hand_model_option, model_options, take_models
 from handtrack.cli.options import json_option, quiet_option
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from handtrack.converting.convert import Converted
 
 
-@click.command(short_help="Write hands in another format, and say what that loses.")
+@click.command(cls=Command, short_help="Write hands in another format, and say what that loses.")
 @click.argument("input", type=click.Path(path_type=Path))
 @click.argument("output", type=click.Path(path_type=Path))
 @click.option(

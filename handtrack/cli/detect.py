@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from handtrack.cli.helping import Command
 from handtrack.cli.inputs import Reading
 from handtrack.cli.options import json_option, quiet_option
 from handtrack.cli.outputs import check_target, overwrite_option
@@ -14,7 +15,7 @@ from handtrack.cli.progress import progress_shown
 from handtrack.errors import SettingsError
 
 
-@click.command(short_help="Find the hands in a video or in images.")
+@click.command(cls=Command, short_help="Find the hands in a video or in images.")
 @click.argument("input", required=False, type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help=".npz file to write.")
 @overwrite_option

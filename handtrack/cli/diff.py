@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from handtrack.cli.helping import Command
 from handtrack.cli.options import json_option, quiet_option
 
 if TYPE_CHECKING:
     from handtrack.evaluation.difference import Difference
 
 
-@click.command(short_help="What differs between two recordings.")
+@click.command(cls=Command, short_help="What differs between two recordings.")
 @click.argument("a", type=click.Path(path_type=Path))
 @click.argument("b", type=click.Path(path_type=Path))
 @click.option(

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from handtrack.cli.helping import Command
 from handtrack.cli.inputs import recordings
 from handtrack.cli.models import model_options, take_models
 from handtrack.cli.options import json_option, part_options, quiet_option, setting_option
@@ -23,7 +24,7 @@ def _options(command: Any) -> Any:
     return command
 
 
-@click.command(short_help="Write recordings for other programs.")
+@click.command(cls=Command, short_help="Write recordings for other programs.")
 @click.argument("input", type=click.Path(path_type=Path))
 @click.argument("output", type=click.Path(path_type=Path))
 @click.option(

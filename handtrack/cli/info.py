@@ -8,16 +8,18 @@ from typing import Any
 
 import click
 
+from handtrack.cli.helping import Command
 from handtrack.cli.inputs import recordings
-from handtrack.cli.options import json_option
+from handtrack.cli.options import json_option, quiet_option
 from handtrack.errors import shown
 
 
-@click.command(short_help="What recordings hold.")
+@click.command(cls=Command, short_help="What recordings hold.")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--follow", is_flag=True, help="Tell what comes, while FILE is being written.")
 @json_option
-def info(files: tuple[Path, ...], follow: bool, as_json: bool) -> None:
+@quiet_option
+def info(files: tuple[Path, ...], follow: bool, as_json: bool, quiet: bool) -> None:
     """What recordings hold: hands, frames, rate, settings, statuses, errors, sizes.
 
     FILES are recordings written by `handtrack track`, or folders of them; only their indexes are
@@ -33,7 +35,7 @@ def info(files: tuple[Path, ...], follow: bool, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(found, indent=2))
         return
-    for i, about in enumerate(found):
+    for i, about in enumerate(found if not quiet else ()):
         if i:
             click.echo()
         _print(about)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from handtrack.cli.config import used_config
 from handtrack.cli.live_view import Live
 from handtrack.cli.models import Models
 from handtrack.cli.options import is_default
@@ -85,7 +86,7 @@ class Work:
         tracks: list[Track] = []
         with recorder(job.mcap, sequences, self.recording) as record:
             for i, sequence in enumerate(sequences):
-                stretches = Stretches(record, i)
+                stretches = Stretches(record, i, used_config())
                 start = time.perf_counter()
                 try:
                     tracks.append(self._track(sequence, settings, stretches, progress))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handtrack.cli.helping import Command
 from handtrack.cli.live_view import connect_option
 from handtrack.cli.models import Models, hand_model_option, model_options, take_models
 from handtrack.cli.options import (
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from handtrack.viewer.live_viewer import LiveViewer
 
 
-@click.command(short_help="Track a camera, or joints that arrive, as it happens.")
+@click.command(cls=Command, short_help="Track a camera, or joints that arrive, as it happens.")
 @click.option("--camera", type=click.IntRange(0), metavar="NUMBER", help="A camera here: 0, 1, ...")
 @click.option("--video", type=click.Path(path_type=Path), help="A video, in its own time.")
 @click.option("--stdin", is_flag=True, help="Lines of joints on standard input, JSON or text.")

@@ -118,7 +118,7 @@ _LIMITS = click.option(
     show_default=True,
     help="Joint limits: a wide anatomical set, or Table 1 of Li et al. 2021.",
 )
-_TRACKING = {
+TRACKING = {
     name: setting_option(name, known)
     for name, known in TrackSettings.known().items()
     if known.about.option
@@ -136,7 +136,7 @@ def is_default(name: str) -> bool:
 def tracking_options(command: _Command) -> _Command:
     """Give a command the options that say how to track; their values are taken
     by `take_tracking`."""
-    for option in reversed((_LIMITS, *_TRACKING.values())):
+    for option in reversed((_LIMITS, *TRACKING.values())):
         command = option(command)
     return command
 
@@ -147,7 +147,7 @@ def take_tracking(options: dict[str, Any]) -> tuple[TrackSettings, str]:
     Raises:
         SettingsError: a value cannot be used, or the filter has no use for an option.
     """
-    settings = TrackSettings.of(None, {name: options.pop(name) for name in _TRACKING})
+    settings = TrackSettings.of(None, {name: options.pop(name) for name in TRACKING})
     # retrack has the filter from the recording where it is not given
     known = click.get_current_context().info_name != "retrack" or not is_default("filter")
     name = settings.filter.name

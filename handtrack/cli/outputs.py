@@ -6,6 +6,7 @@ import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -140,14 +141,14 @@ def recorder(mcap: Path, sequences: list[Sequence], recording: RecordingSettings
 class Stretches:
     """Records the stretches of a track, from the first on that a hand is seen in.
 
-    So a hand that is never seen leaves nothing.
+    So a hand that is never seen leaves nothing. `config` is what `used_config` says.
 
     Attributes:
         seconds: time spent with recording [s].
     """
 
-    def __init__(self, recorder: McapRecorder, hand: int) -> None:
-        self._recorder, self._hand = recorder, hand
+    def __init__(self, recorder: McapRecorder, hand: int, config: dict[str, Any]) -> None:
+        self._recorder, self._hand, self._config = recorder, hand, config
         self._waiting: list[Stretch] = []
         self._seen = False
         self.seconds = 0.0
@@ -158,9 +159,16 @@ class Stretches:
         self._waiting.append(part)
         if self._seen:
             for waiting in self._waiting:
-                self._recorder.add(waiting, self._hand)
+                self._recorder.add(self._told(waiting), self._hand)
             self._waiting = []
         self.seconds += time.perf_counter() - start
+
+    def _told(self, part: Stretch) -> Stretch:
+        """A stretch that says which configuration file it was made by."""
+        if not self._config:
+            return part
+        settings = {**part.head.settings, "config": self._config}
+        return replace(part, head=replace(part.head, settings=settings))
 
 
 def check_target(

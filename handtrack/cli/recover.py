@@ -6,12 +6,13 @@ from pathlib import Path
 
 import click
 
+from handtrack.cli.helping import Command
 from handtrack.cli.options import quiet_option
 from handtrack.cli.outputs import check_target, overwrite_option
 from handtrack.errors import SettingsError
 
 
-@click.command(short_help="Make a clean recording of a broken one.")
+@click.command(cls=Command, short_help="Make a clean recording of a broken one.")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "-o",

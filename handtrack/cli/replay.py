@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from handtrack.cli.helping import Command
 from handtrack.cli.inputs import recordings
 from handtrack.cli.live_view import connect_option
 from handtrack.cli.options import part_options, quiet_option
@@ -13,7 +14,7 @@ from handtrack.cli.outputs import check_target, overwrite_option
 from handtrack.errors import SettingsError
 
 
-@click.command(short_help="Show recordings in Rerun.")
+@click.command(cls=Command, short_help="Show recordings in Rerun.")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--save", type=click.Path(path_type=Path), help="Write a Rerun file instead.")
 @overwrite_option

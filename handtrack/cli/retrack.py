@@ -8,8 +8,10 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from handtrack.cli.helping import Command
 from handtrack.cli.models import model_options, take_models
 from handtrack.cli.options import (
+    TRACKING,
     json_option,
     quiet_option,
     recording_options,
@@ -20,8 +22,10 @@ from handtrack.cli.options import (
 from handtrack.cli.outputs import check_target, overwrite_option
 from handtrack.cli.progress import compiling_said
 
+_GIVEN = (ParameterSource.COMMANDLINE, ParameterSource.DEFAULT_MAP)
 
-@click.command(short_help="Track the input of a recording again.")
+
+@click.command(cls=Command, short_help="Track the input of a recording again.")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), required=True, help="MCAP file.")
 @overwrite_option
@@ -43,7 +47,7 @@ def retrack(file: Path, output: Path, as_json: bool, quiet: bool, **options: Any
     from handtrack.recording.retrack import retrack as run
 
     source = click.get_current_context().get_parameter_source
-    given = {name for name in options if source(name) == ParameterSource.COMMANDLINE}
+    given = {name for name in options if source(name) in _GIVEN}
     recording = take_recording(options)
     tracking, limits = take_tracking(options)
     models = take_models(options, limits)
@@ -80,3 +84,9 @@ def retrack(file: Path, output: Path, as_json: bool, quiet: bool, **options: Any
 
         print_table(report)
         click.echo(f"tracked {sum(map(len, tracks)):,} frames of {file} again -> {output}")
+
+
+for _option in retrack.params:
+    # what is not given is the recording's own
+    if isinstance(_option, click.Option) and _option.name in {*TRACKING, "limits"}:
+        _option.show_default = "as stored"

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handtrack.cli.helping import Command
 from handtrack.cli.inputs import Reading, Truths, estimates, reading_options
 from handtrack.cli.models import mano_options
-from handtrack.cli.options import is_default, json_option
+from handtrack.cli.options import is_default, json_option, quiet_option
 from handtrack.cli.outputs import check_target, overwrite_option
 from handtrack.errors import SettingsError
 from handtrack.files.whole import whole_file
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
     from handtrack.evaluation.tables import Report
 
 
-@click.command(short_help="How accurate and how steady recordings are; which of two is better.")
+@click.command(
+    cls=Command, short_help="How accurate and how steady recordings are; which of two is better."
+)
 @click.argument("files", nargs=-1, required=True, metavar="[NAME=]FILE...")
 @click.option(
     "--truth",
@@ -51,6 +54,7 @@ if TYPE_CHECKING:
 @overwrite_option
 @mano_options
 @json_option
+@quiet_option
 @reading_options
 def stability(
     files: tuple[str, ...],
@@ -63,6 +67,7 @@ def stability(
     by: tuple[str, ...],
     worst: int,
     as_json: bool,
+    quiet: bool,
     **reading: Any,
 ) -> None:
     """How accurate and how steady recordings are, and which of two methods is better.
@@ -119,11 +124,11 @@ def stability(
         from handtrack.evaluation.compare import compare as compare_methods
 
         report = compare_methods(measured)
-        if not as_json:
+        if not (as_json or quiet):
             print_comparison(report)
     else:
         report = next(iter(measured.values()))
-        if not as_json:
+        if not (as_json or quiet):
             print_table(report)
     if as_json:
         click.echo(to_json(report))
@@ -131,7 +136,8 @@ def stability(
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as part:
             part.write_text(write(report), encoding="utf-8")
-        click.echo(f"wrote {path}", err=as_json)
+        if not quiet:
+            click.echo(f"wrote {path}", err=as_json)
 
 
 def _files(

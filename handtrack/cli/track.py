@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handtrack.cli.helping import Command
 from handtrack.cli.inputs import Reading, reading_options
 from handtrack.cli.job import Made, Work
 from handtrack.cli.live_view import live_options, live_view
@@ -35,7 +36,7 @@ MOST_SKIPPED = 20
 """So many inputs that were skipped are named."""
 
 
-@click.command(short_help="Fit a hand to joint sequences and record it.")
+@click.command(cls=Command, short_help="Fit a hand to joint sequences and record it.")
 @click.argument(
     "inputs", nargs=-1, required=True, metavar="INPUT...", type=click.Path(path_type=Path)
 )

@@ -1,0 +1,120 @@
+"""Help that people can read: options in groups, the ones needed first on top, examples."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from typing import Any
+
+import click
+
+from handtrack.cli.config import config_options, save_config
+
+FEW = 12
+"""A command with no more options than these has them in one list."""
+_FIRST = "Options that people need first"
+_GROUPS = {
+    _FIRST: (
+        *("output", "overwrite", "filter", "hand", "unit", "order", "fps", "rrd", "live"),
+        *("camera", "video", "stdin", "udp", "truth", "compare", "html", "save", "web", "to"),
+        *("publish", "overlay", "resume", "workers", "json", "as_json", "quiet", "help"),
+    ),
+    "Input": (
+        *("frames", "format", "key", "columns", "time_unit", "mirror", "max_size", "profile"),
+        *("trajectory", "markers", "no_repair", "start", "end", "match"),
+    ),
+    "The hand": ("hand_model", "calibrate", "mano", "mano_tips", "gltf", "limits"),
+    "The recording": ("mesh", "no_mesh", "compression", "foxglove_mesh", "csv", "latex"),
+    "The viewer": (
+        *("connect", "no_view", "speed", "port", "no_open", "side_by_side", "offset"),
+        *("light", "theme", "skin"),
+    ),
+    "Fit and filter": (),
+    "Configuration": ("config", "save_config"),
+}
+_REST = "Fit and filter"
+
+EXAMPLES = {
+    "track": (
+        "track clip.json",
+        "track a.npz b.json -o OUT/",
+        "track clip.mp4 --overlay seen.mp4",
+        "track cam0.mp4 cam1.mp4 --camera calibration.toml",
+        "track noisy.csv --filter rts --unit mm",
+    ),
+    "batch": ("batch takes/ -o runs/",),
+    "live": (
+        "live --camera 0",
+        "live --stdin --no-view -o session.mcap",
+        "live --udp 9000 --publish ws://127.0.0.1:8000",
+    ),
+    "detect": ("detect --make-model", "detect clip.mp4 -o joints.npz"),
+    "calibrate": ("calibrate a.json b.json -o hand.json",),
+    "replay": (
+        "replay out.mcap",
+        "replay before.mcap after.mcap",
+        "replay out.mcap --save out.rrd",
+    ),
+    "stability": (
+        "stability out.mcap",
+        "stability out.mcap --truth true.npz",
+        "stability ours=a.mcap theirs=b.npz --truth true.npz --html report.html",
+    ),
+    "export": ("export out.mcap hand.glb", "export recordings/ tables/ --to csv"),
+    "convert": ("convert hands.csv out.npz",),
+    "plot": ("plot out.mcap angles.pdf", "plot out.mcap index.png --finger index"),
+    "info": ("info out.mcap", "info recordings/ --json"),
+    "retrack": ("retrack out.mcap -o again.mcap --filter kalman",),
+    "diff": ("diff out.mcap again.mcap",),
+    "recover": ("recover recordings/live.mcap.part",),
+}
+
+
+class Command(click.Command):
+    """A command whose help has groups and examples, and which takes a configuration file."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.params += config_options()
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        records = [(p.name or "", r) for p in self.get_params(ctx) if (r := p.get_help_record(ctx))]
+        if len(records) <= FEW:
+            groups = {"Options": [record for _, record in records]}
+        else:
+            where = {name: title for title, names in _GROUPS.items() for name in names}
+            groups = {title: [] for title in _GROUPS}
+            for name, record in records:
+                groups[where.get(name, _REST)].append(record)
+            first = _GROUPS[_FIRST]
+            order = {record[0]: first.index(n) for n, record in records if n in first}
+            groups[_FIRST].sort(key=lambda record: order[record[0]])
+        for title, rows in groups.items():
+            if rows:
+                with formatter.section(title):
+                    formatter.write_dl(rows)
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        examples = EXAMPLES.get(self.name or "", ())
+        if examples:
+            with formatter.section("Examples"):
+                for line in examples:
+                    formatter.write_text(f"handtrack {line}")
+        super().format_epilog(ctx, formatter)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        save_config(ctx)
+        return super().invoke(ctx)
+
+
+def suggestion(word: str, known: list[str] | tuple[str, ...]) -> str:
+    """ ", did you mean X?" where X is close to a word; else nothing."""
+    close = get_close_matches(word, known, n=1, cutoff=0.6)
+    return f" Did you mean {close[0]!r}?" if close else ""
+
+
+def pointing_to_help(error: click.ClickException) -> str:
+    """A usage error, with the help that tells more."""
+    text = error.format_message()
+    if not isinstance(error, click.UsageError) or error.ctx is None:
+        return text
+    return f"{text} (`{error.ctx.command_path} --help` tells more)"
