@@ -13,8 +13,9 @@
   (`Recovered`); settings `RecordingSettings`, `MeshChoice`.
 - Look: `replay`, `log_rerun`, `LiveViewer`, `export` (`Exported`),
   `convert` (`Converted` with `Made` and `Loss`).
-- Measure: `stability` (`StabilityReport` of `Stability`, with `Spread`, `Intervals`, `Uncertain`,
-  `Material`) of tracks or `Estimate`s; `diff` (`Difference`s, of `Change`s); `metrics`.
+- Measure: `stability` (`StabilityReport` of `Stability`, with `Spread`, `Shake`, `Intervals`,
+  `Uncertain`, `Material`) of tracks or `Estimate`s; `diff` (`Difference`s, of `Change`s);
+  `metrics`.
 - What went wrong: `InputError`, `SettingsError`, `ModelError`, all `HandtrackError`.
 
 The public names load on first use, so that `import handtrack` and the command line are quick.
@@ -101,6 +102,7 @@ _WHERE = {
     "Uncertain": "evaluation.bootstrap",
     "Intervals": "evaluation.bootstrap",
     "Spread": "evaluation.results",
+    "Shake": "evaluation.shake",
     "StabilityReport": "evaluation.results",
     "Difference": "evaluation.difference",
     "Change": "evaluation.difference",
@@ -143,6 +145,7 @@ if TYPE_CHECKING:
     from handtrack.evaluation.results import Spread as Spread
     from handtrack.evaluation.results import Stability as Stability
     from handtrack.evaluation.results import StabilityReport as StabilityReport
+    from handtrack.evaluation.shake import Shake as Shake
     from handtrack.evaluation.stability import stability as stability
     from handtrack.exporting.files import Exported as Exported
     from handtrack.exporting.files import export as export

@@ -85,6 +85,8 @@ def stability(
     MPJPE      without alignment, mm
     std        over frames, divided by n: the steadiness of Li et al. 2021
     jitter     mean norm of the third time derivative, m/s^3
+    shakes     what parabolas through 11 frames do not follow: the whole hand's (mm), and the
+               fingers' bends (degrees); in brackets the input's
     AUC        of the PCK curve, 0-50 mm, after alignment (FreiHAND)
     [low, high]  95 % intervals by a circular block bootstrap, blocks as long as the errors are
                correlated; differences are paired: the same frames, the same blocks.

@@ -14,6 +14,7 @@ from handtrack.evaluation.arrays import Array, lengths, nan_mean
 from handtrack.evaluation.bootstrap import Intervals, intervals
 from handtrack.evaluation.matching import size_ratio
 from handtrack.evaluation.results import Against, Material, Spread, Stability
+from handtrack.evaluation.shake import Shake, shake_values
 from handtrack.hand.limits import Limits
 from handtrack.hand.skeleton import Hand
 from handtrack.sequences.sequence import Sequence
@@ -32,6 +33,7 @@ _LAG_FRAMES = 2000
 _BLOCK = 4000
 """Frames aligned at once."""
 _RANGE_MM = (0.0, 50.0)
+_SHAKE = "shake_"
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,15 +130,18 @@ def measure(
         "root_mpjpe_mm": nan_mean(rooted),
         "jitter_m_s3": metrics.jitter(joints, time_ns=time_ns),
         "acceleration_m_s2": metrics.acceleration(joints, time_ns=time_ns),
+        **shake_values(joints, time_ns, _SHAKE),
     }
     observed = estimate.observed
     if observed is not None:
         values["input_jitter_m_s3"] = metrics.jitter(observed, time_ns=time_ns)
         values["input_acceleration_m_s2"] = metrics.acceleration(observed, time_ns=time_ns)
+        values |= shake_values(observed, time_ns, f"input_{_SHAKE}")
     late = float("nan")
     if against == "truth":
         values["truth_jitter_m_s3"] = metrics.jitter(bare, time_ns=time_ns)
         values["truth_acceleration_m_s2"] = metrics.acceleration(bare, time_ns=time_ns)
+        values |= shake_values(bare, time_ns, f"truth_{_SHAKE}")
         values["acceleration_error_mm"] = 1e3 * metrics.acceleration_error(joints, bare, time_ns)
         if observed is not None:
             values["input_pa_mpjpe_mm"] = metrics.pa_mpjpe(observed, bare) * 1e3
@@ -211,6 +216,10 @@ def summary(
     def spread(key: str) -> Spread | None:
         return Spread.of(values[key]) if key in values else None
 
+    def shake(prefix: str) -> Shake | None:
+        known = any(key.startswith(prefix) for key in values)
+        return Shake.of(values, prefix) if known else None
+
     aligned, plain = joint_errors
     return Stability(
         name=name,
@@ -240,6 +249,9 @@ def summary(
         outside_limits_percent=outside,
         joint_pa_mm=nan_mean(aligned, 0),
         intervals=_intervals(values),
+        shake=shake(_SHAKE),
+        input_shake=shake(f"input_{_SHAKE}"),
+        truth_shake=shake(f"truth_{_SHAKE}"),
         notes=notes,
         frame_values=values,
         material=material,

@@ -185,6 +185,15 @@ def _steps(time_ns: ArrayLike, n: int) -> Array:
     return np.asarray(steps * 1e-9)
 
 
+def gaps_between(time_ns: ArrayLike, n: int) -> NDArray[np.bool_]:
+    """(n-1,) which steps between stamps are gaps (see `GAP`).
+
+    Raises:
+        InputError: not n stamps, or time does not increase.
+    """
+    return _gaps(_steps(time_ns, n))
+
+
 def _gaps(steps: Array) -> NDArray[np.bool_]:
     if not steps.size:
         return np.zeros(0, dtype=bool)

@@ -88,7 +88,8 @@ def print_table(report: StabilityReport, console: Console | None = None) -> None
         console.print("Input: the error of the observed joints to the same truth.", style="dim")
     console.print(
         "Errors in mm (mean ± std over frames): PA-MPJPE after similarity alignment of each frame,"
-        " MPJPE without. Jitter in m/s³ and acceleration in m/s²: output (input).",
+        " MPJPE without. Jitter in m/s³ and acceleration in m/s²: output (input). Shakes: what"
+        " parabolas through 11 frames do not follow, of the palm and of the fingers' bends.",
         style="dim",
     )
     sure = _sure(report.overall)
@@ -310,6 +311,13 @@ def _with_input(output: float, given: float) -> str:
     return f"{_short(output)} ({_short(given)})" if np.isfinite(given) else _short(output)
 
 
+def _shaking(row: Stability, name: str, unit: str) -> str:
+    if row.shake is None:
+        return ""
+    given = float("nan") if row.input_shake is None else getattr(row.input_shake, name)
+    return f"{_with_input(getattr(row.shake, name), given)} {unit}"
+
+
 def _short(value: float) -> str:
     if not np.isfinite(value):
         return "-"
@@ -330,6 +338,8 @@ _COLUMNS: tuple[_Column, ...] = (
     _Column("input", 6, lambda r: _mean_std(r.input_pa_mpjpe_mm)),
     _Column("MPJPE", 7, lambda r: _short(r.mpjpe_mm.mean)),
     _Column("jitter", 8, lambda r: _with_input(r.jitter_m_s3, r.input_jitter_m_s3)),
+    _Column("hand shakes", 2, lambda r: _shaking(r, "palm_mm", "mm")),
+    _Column("fingers shake", 2, lambda r: _shaking(r, "fingers_deg", "°")),
     _Column(
         "acceleration", 3, lambda r: _with_input(r.acceleration_m_s2, r.input_acceleration_m_s2)
     ),

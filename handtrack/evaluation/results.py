@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from handtrack.evaluation.arrays import Array, nan_mean
 from handtrack.evaluation.bootstrap import Intervals
+from handtrack.evaluation.shake import Shake
 from handtrack.hand.limits import Limits
 from handtrack.hand.skeleton import FINGERS, JOINT_NAMES
 from handtrack.read_only import make_read_only
@@ -114,6 +115,9 @@ class Stability:
         joint_pa_mm: (21,) mean error of each joint after alignment.
         intervals: 95 % block bootstrap intervals of mean and std, by the name of the measure;
             where there are none it says why.
+        shake: how much the hand shakes as a whole, and its fingers by themselves;
+            input_shake, truth_shake: the same of the observed joints and of the truth, None
+            without them.
         notes: what to know when reading the numbers, one line each.
         frame_values: name -> (frames,) the values per frame that the numbers above sum up.
         material: the frames themselves; None for several sequences pooled.
@@ -146,6 +150,9 @@ class Stability:
     outside_limits_percent: float = float("nan")
     joint_pa_mm: Array = field(default_factory=lambda: np.full(len(JOINT_NAMES), np.nan))
     intervals: Mapping[str, Intervals] = field(default_factory=dict)
+    shake: Shake | None = None
+    input_shake: Shake | None = None
+    truth_shake: Shake | None = None
     notes: tuple[str, ...] = ()
     frame_values: Mapping[str, Array] = field(default_factory=dict, repr=False)
     material: Material | None = field(default=None, repr=False)
@@ -172,7 +179,7 @@ class Stability:
                 value = {j: _number(float(v)) for j, v in zip(JOINT_NAMES, value, strict=True)}
             elif name == "intervals":
                 value = {measure: _interval_dict(i) for measure, i in value.items()}
-            elif isinstance(value, Spread):
+            elif isinstance(value, Spread | Shake):
                 value = value.to_dict()
             elif isinstance(value, float):
                 value = _number(value)

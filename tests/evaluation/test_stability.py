@@ -189,7 +189,7 @@ def test_json(sample):
     assert isinstance(data["sequences"][0]["jitter_m_s3"], float)
 
 
-def printed(report, width=170):
+def printed(report, width=220):
     out = io.StringIO()
     print_table(report, Console(file=out, width=width))
     return out.getvalue()
