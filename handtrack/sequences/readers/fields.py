@@ -240,6 +240,11 @@ def _nested(value: Any, path: Path, what: str) -> NDArray[Any]:
     """Nested lists as an array; an error names the element that does not fit."""
     if not isinstance(value, list):
         raise InputError(f"{what} is {_kind(value)}, expected a list", path)
+    try:  # the usual case: lists of numbers, all at once
+        if isinstance(value[:1][0] if value else None, list | int | float):
+            return np.array(value, dtype=np.float64)
+    except (ValueError, TypeError, OverflowError):
+        pass
     items = [_place(v) if v else v for v in value]
     like = next(
         (v for v in items if isinstance(v, list) and any(isinstance(p, list | dict) for p in v)),

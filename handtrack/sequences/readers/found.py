@@ -6,12 +6,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 from handtrack.hand.skeleton import Hand
-from handtrack.sequences.names import Unit, as_side
+from handtrack.sequences.names import KEPT, Unit, as_side
 from handtrack.sequences.readers.points import COUNTS, are_points
 from handtrack.sequences.titles import (
+    JointsKey,
     is_confidence,
     is_frame_number,
     is_hand_label,
@@ -29,6 +31,9 @@ CONTAINERS: tuple[str, ...] = (
 )
 _3D = re.compile(r"(?<![0-9])3[dD](?![a-z])")
 _HOLDERS = frozenset(CONTAINERS)
+_TEXT, _PLAIN = {str}, {str, int, float, bool}
+_TRUTHS = ("isright", "isleft", "isrighthand", "islefthand")
+_TRACKED = ("isTracked", "is_tracked", "tracked", "isValid", "is_valid", "isActive")
 MOST_NAMES = 5000
 """An object of more names is no frame and no hand."""
 _DEEPEST = 6
@@ -79,14 +84,18 @@ def hands_in(frame: Any, label: Any = None, depth: int = 0) -> list[Found]:
         ]
     if not isinstance(frame, dict) or depth > _DEEPEST or len(frame) > MOST_NAMES:
         return []
-    if not any(v is None or isinstance(v, dict | list) for v in frame.values()):
+    if _PLAIN.issuperset(map(type, frame.values())):
         return []  # numbers and texts alone are no joints
-    said = _label(frame, depth)
-    label = said if said is not None else label
-    sides = [(side, v) for k, v in frame.items() if (side := side_key(str(k))) is not None]
+    if not _TEXT.issuperset(map(type, frame)):
+        frame = {str(k): v for k, v in frame.items()}
+    kinds = _kinds(tuple(frame))
+    if kinds.truths or kinds.labels or kinds.maybe:
+        said = _label(frame, kinds, depth)
+        label = said if said is not None else label
+    sides = [(side, frame[k]) for k, side in kinds.sides]
     if sides and any(_is_hand(v, depth) or v is None for _, v in sides):
         return [f for side, v in sides for f in _of_side(side, v, depth)]
-    keys = _joint_keys(frame)
+    keys = _joint_keys(frame, kinds) if kinds.joints else []
     if keys:
         return [f for key in keys for f in _under(frame, key, label)]
     if are_points(frame):
@@ -126,6 +135,8 @@ def names_hands(frame: Any) -> bool:
 
 def side_of(label: Any) -> Hand | None:
     """A label, in any of the ways in which MediaPipe and others give it, as a hand."""
+    if isinstance(label, str):
+        return as_side(label)
     return next((side for text in _texts(label) if (side := as_side(text)) is not None), None)
 
 
@@ -145,25 +156,53 @@ def _texts(label: Any, depth: int = 0) -> Iterator[Any]:
         yield label
 
 
-def _label(frame: dict[str, Any], depth: int) -> Any:
-    """What tells left from right in an object."""
-    for key, value in frame.items():
-        if value is None:
-            continue
-        if isinstance(value, bool):
-            bare = str(key).lower().replace("_", "")
-            if bare in ("isright", "isleft", "isrighthand", "islefthand"):
-                return "right" if value == ("right" in bare) else "left"
-        elif is_hand_label(str(key)) and not _holds_hands(value, depth):
-            return value
-    return next(
-        (
-            value
-            for key, value in frame.items()
-            if isinstance(value, str) and may_be_hand_label(str(key)) and as_side(value)
-        ),
-        None,
+class _Kinds(NamedTuple):
+    """What the names in an object say, whatever stands under them.
+
+    Attributes:
+        truths: names that a hand is right or left, with which.
+        labels: names of what tells left from right; maybe: names under which it may stand.
+        sides: names of hands, with which.
+        joints: names of joints.
+        numbers: names of hands' numbers; sure: of confidences.
+    """
+
+    truths: tuple[tuple[str, bool], ...]
+    labels: tuple[str, ...]
+    maybe: tuple[str, ...]
+    sides: tuple[tuple[str, Hand], ...]
+    joints: tuple[tuple[str, JointsKey], ...]
+    numbers: tuple[str, ...]
+    sure: tuple[str, ...]
+
+
+@lru_cache(KEPT)
+def _kinds(keys: tuple[str, ...]) -> _Kinds:
+    bare = {k: k.lower().replace("_", "") for k in keys}
+    truths = tuple((k, "right" in b) for k, b in bare.items() if b in _TRUTHS)
+    return _Kinds(
+        truths,
+        tuple(k for k in keys if is_hand_label(k)),
+        tuple(k for k in keys if may_be_hand_label(k)),
+        tuple((k, side) for k in keys if (side := side_key(k)) is not None),
+        tuple((k, s) for k in keys if (s := joints_key(k)) is not None and not s.truth),
+        tuple(k for k in keys if is_hand_number(k)),
+        tuple(k for k in keys if is_confidence(k)),
     )
+
+
+def _label(frame: dict[str, Any], kinds: _Kinds, depth: int) -> Any:
+    """What tells left from right in an object."""
+    for key, right in kinds.truths:
+        if isinstance(frame[key], bool):
+            return "right" if frame[key] == right else "left"
+    for key in kinds.labels:
+        value = frame[key]
+        if value is None or isinstance(value, bool) or _holds_hands(value, depth):
+            continue
+        return value
+    texts = (frame[key] for key in kinds.maybe)
+    return next((t for t in texts if isinstance(t, str) and as_side(t)), None)
 
 
 def _holds_hands(value: Any, depth: int) -> bool:
@@ -171,6 +210,8 @@ def _holds_hands(value: Any, depth: int) -> bool:
     if isinstance(value, dict):
         return _is_hand(value, depth) or side_of(value) is None
     if not isinstance(value, list):
+        return False
+    if value and isinstance(value[0], dict) and len(value) <= 2 and _is_category(value[0]):
         return False
     return any(isinstance(v, int | float) or v is None or _is_hand(v, depth) for v in value[:2])
 
@@ -188,10 +229,15 @@ def _of_side(side: Hand, value: Any, depth: int) -> list[Found]:
     return []
 
 
-def _joint_keys(frame: dict[str, Any]) -> list[str]:
+def _is_category(value: dict[str, Any]) -> bool:
+    """Whether an object is MediaPipe's of a name and a score."""
+    return _PLAIN.issuperset(map(type, value.values()))
+
+
+def _joint_keys(frame: dict[str, Any], kinds: _Kinds) -> list[str]:
     """The names in an object under which joints stand: MediaPipe's world landmarks and not those
     in the picture; the seen ones."""
-    said = {k: s for k in frame if (s := joints_key(str(k))) is not None and not s.truth}
+    said = dict(kinds.joints)
     worlds = [k for k, s in said.items() if s.world and frame[k] is not None]
     if worlds and len(said) > len(worlds):
         return worlds
@@ -230,16 +276,17 @@ def _is_several(value: Any) -> bool:
 
 def _unwrapped(value: Any) -> Any:
     """The joints inside an object that holds nothing else, as MediaPipe's {"landmark": [...]}."""
-    if isinstance(value, dict) and len(keys := _joint_keys(value)) == 1:
-        return value[keys[0]]
+    if isinstance(value, dict) and _TEXT.issuperset(map(type, value)):
+        keys = _joint_keys(value, _kinds(tuple(value)))
+        return value[keys[0]] if len(keys) == 1 else value
     return value
 
 
 def _found(frame: dict[str, Any], value: Any, key: str, label: Any) -> Found:
     said = joints_key(key) if key else None
-    number = next((v for k, v in frame.items() if is_hand_number(str(k)) and v is not None), "")
-    sure = next((v for k, v in frame.items() if is_confidence(str(k)) and v is not None), None)
+    kinds = _kinds(tuple(frame))
+    number = next((frame[k] for k in kinds.numbers if frame[k] is not None), "")
+    sure = next((frame[k] for k in kinds.sure if frame[k] is not None), None)
     if sure is None:
-        tracked = ("isTracked", "is_tracked", "tracked", "isValid", "is_valid", "isActive")
-        sure = next((frame[k] for k in tracked if isinstance(frame.get(k), bool)), None)
+        sure = next((frame[k] for k in _TRACKED if isinstance(frame.get(k), bool)), None)
     return Found(label, str(number), value, key, said.unit if said else None, sure, frame)

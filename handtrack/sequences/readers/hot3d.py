@@ -11,6 +11,7 @@ Frames that `masks/` beside it leaves out (mask_qa_pass, mask_hand_pose_availabl
 
 from __future__ import annotations
 
+from collections.abc import Sequence as Items
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,7 @@ def is_frame(line: dict[str, Any]) -> bool:
     return isinstance(line.get("hand_poses"), dict) and "timestamp_ns" in line
 
 
-def read_lines(values: list[Any], places: list[str], path: Path) -> list[Raw]:
+def read_lines(values: list[Any], places: Items[str], path: Path) -> list[Raw]:
     """The hands of a trajectory, with their joints still to be made.
 
     Raises:
@@ -90,7 +91,7 @@ def _moments(times: list[Any]) -> list[int]:
     return kept
 
 
-def _with_values(raw: Raw, rows: list[Any], places: list[str], path: Path) -> Raw:
+def _with_values(raw: Raw, rows: list[Any], places: Items[str], path: Path) -> Raw:
     first = next(r for r in rows if r is not None)
     mano = "pose" in first
     if not mano and "joint_angles" not in first:

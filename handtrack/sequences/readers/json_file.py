@@ -15,6 +15,7 @@ nestings of the same:
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence as Items
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from handtrack.sequences.readers.found import CONTAINERS, MOST_NAMES, hands_in
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.points import are_points
 from handtrack.sequences.readers.raw import NotJointsError, Raw, stem
+from handtrack.sequences.readers.record_places import Places
 from handtrack.sequences.readers.records import read_records
 
 _ABOUT = ("info", "meta", "metadata", "header", "config", "settings")
@@ -69,11 +71,11 @@ def read_lines(data: bytes, path: Path) -> list[Raw]:
         values = []
     if len(values) != len(lines):
         values = [decode(line, Any, path, first_line=n) for n, line in lines]
-    places = [f"line {n}" for n, _ in lines]
+    places = Places("line", [n for n, _ in lines])
     return _of_source(values, places, path) or read_records(values, places, path)
 
 
-def _of_source(values: list[Any], places: list[str], path: Path) -> list[Raw] | None:
+def _of_source(values: list[Any], places: Items[str], path: Path) -> list[Raw] | None:
     """The hands of frames as a source of its own has them."""
     first = next((v for v in values if v), None)
     if isinstance(first, dict):
@@ -135,7 +137,7 @@ def _are_frames(value: list[Any]) -> bool:
 
 
 def _frames(values: list[Any], path: Path, about: dict[str, Any]) -> list[Raw]:
-    return read_records(values, [f"frame {i}" for i in range(len(values))], path, about)
+    return read_records(values, Places("frame", range(len(values))), path, about)
 
 
 def _object(value: dict[str, Any], path: Path) -> list[Raw]:

@@ -187,8 +187,8 @@ def _slots(
     texts = table.texts(names[0])
     if len(names) > 1:
         texts = [f"{a} {b}" for a, b in zip(texts, table.texts(names[1]), strict=True)]
-    index: dict[str, int] = {}
-    codes = [index.setdefault(t, len(index)) for t in texts]
+    index = {text: i for i, text in enumerate(dict.fromkeys(texts))}
+    codes = [index[t] for t in texts]
     if len(index) > _MOST:
         return None
     said = [None if t.lower() in MISSING else _said(t, melted) for t in index]

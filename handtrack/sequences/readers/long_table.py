@@ -150,16 +150,20 @@ def _grouped(
     keys: tuple[list[str] | NDArray[np.int64], NDArray[np.int64] | None],
 ) -> _Groups:
     given, numbers = keys
-    order: dict[object, int]
     if numbers is not None:
-        order = {int(k): i for i, k in enumerate(np.unique(numbers))}
+        at = np.unique(numbers, return_inverse=True)[1].ravel()
+    elif isinstance(given, np.ndarray):
+        at = given
     else:
-        order = {}
-        for k in given:
-            order.setdefault(k if isinstance(k, str) else int(k), len(order))
-    frame = [order[k if isinstance(k, str) else int(k)] for k in given]
-    labels = [""] * len(frame) if label is None else table.texts(label)
-    tracks = [""] * len(frame) if columns.number is None else table.texts(columns.number)
+        at = np.asarray(_coded(given)[0])
+    labels = None if label is None else table.texts(label)
+    tracks = None if columns.number is None else table.texts(columns.number)
+    plain = _grouped_at_once(long, at, labels, tracks)
+    if plain is not None:
+        plain.numbers = None if numbers is None else np.unique(numbers)
+        return plain
+    frame = at.tolist()
+    labels, tracks = labels or [""] * len(frame), tracks or [""] * len(frame)
     begins: dict[int, int] = {}
     seen: dict[tuple[object, ...], int] = {}
     index: dict[tuple[object, ...], int] = {}
@@ -186,9 +190,51 @@ def _grouped(
             groups.hand.append(hand)
             groups.second.append(second)
         groups.of_row[i] = group
-    groups.begins = [begins[k] for k in range(len(order))]
+    groups.begins = [begins[k] for k in range(len(begins))]
     groups.numbers = None if numbers is None else np.unique(numbers)
     return groups
+
+
+def _grouped_at_once(
+    long: LongColumns, at: NDArray[np.int64], labels: list[str] | None, tracks: list[str] | None
+) -> _Groups | None:
+    """The groups where no joint stands twice in a frame; None where one does."""
+    codes = np.array(long.codes, dtype=np.int64)
+    hands = list(dict.fromkeys(hand for hand, _, _ in long.slots))
+    hand_of = np.array([hands.index(hand) for hand, _, _ in long.slots], dtype=np.int64)
+    label, n_labels = _coded(labels)
+    track, n_tracks = _coded(tracks)
+    hand = hand_of[codes]
+    key = ((at * len(hands) + hand) * n_labels + label) * n_tracks + track
+    joint = np.array([-1 if j is None else j for _, j, _ in long.slots], dtype=np.int64)[codes]
+    axis = np.array([3 if a is None else a for _, _, a in long.slots], dtype=np.int64)[codes] + 1
+    one = (key * (long.n_joints + 1) + joint) * 5 + axis
+    one = one[joint >= 0]
+    if len(np.unique(one)) < len(one):
+        return None
+    _, first, group = np.unique(key, return_index=True, return_inverse=True)
+    order = np.argsort(first, kind="stable")  # as they come in the file
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    first = first[order]
+    _, begins = np.unique(at, return_index=True)
+    return _Groups(
+        rank[group.ravel()],
+        first.tolist(),
+        at[first].tolist(),
+        [hands[h] for h in hand[first].tolist()],
+        [0] * len(first),
+        begins.tolist(),
+        None,
+    )
+
+
+def _coded(texts: list[str] | None) -> tuple[NDArray[np.int64] | int, int]:
+    """Texts as numbers in order of their first, and how many there are; None: all the same."""
+    if texts is None:
+        return 0, 1
+    index = {text: i for i, text in enumerate(dict.fromkeys(texts))}
+    return np.array([index[text] for text in texts], dtype=np.int64), max(len(index), 1)
 
 
 def _second(

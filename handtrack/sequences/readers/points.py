@@ -25,9 +25,10 @@ from handtrack.sequences.titles import nearest
 
 COUNTS = frozenset(ORDER_JOINTS.values())
 _FLAT = {3 * n: n for n in COUNTS}
-_INSIDE = ("transform", "pose", "to_global", "global", "world", "location", "value")
-_POSITION = ("position", "pos", "translation", "point", "xyz", "coordinates", "origin", "location")
-_NAMES: tuple[str, ...] = (
+INSIDE = ("transform", "pose", "to_global", "global", "world", "location", "value")
+POSITION = ("position", "pos", "translation", "point", "xyz", "coordinates", "origin", "location")
+_HOLDERS = frozenset((*POSITION, *INSIDE))
+NAMES: tuple[str, ...] = (
     "name",
     "joint",
     "jointName",
@@ -37,8 +38,8 @@ _NAMES: tuple[str, ...] = (
     "boneName",
     "part",
 )
-_NAMES += ("id", "index", "landmark", "label", "keypoint", "type")
-_AXES = (("x", "y", "z"), ("X", "Y", "Z"), ("px", "py", "pz"))
+NAMES += ("id", "index", "landmark", "label", "keypoint", "type")
+AXES = (("x", "y", "z"), ("X", "Y", "Z"), ("px", "py", "pz"))
 _META = {"unit", "units", "order", "source", "device", "version", "space", "frame", "type"}
 
 
@@ -61,12 +62,14 @@ def are_points(value: Any) -> bool:
     if isinstance(value, list):
         if len(value) in _FLAT and isinstance(value[0], int | float):
             return True
-        some = next((v for v in value if v is not None), None)
+        some = value[0] if value else None
+        if some is None:
+            some = next((v for v in value if v is not None), None)
         if isinstance(some, dict):
             return _is_point(some)
         return isinstance(some, list) and len(value) in COUNTS and len(some) in (3, 4, 16)
     if isinstance(value, dict):
-        return _axis_keys(value) is not None or _names_in(value) is not None
+        return axis_keys(value) is not None or _names_in(value) is not None
     return False
 
 
@@ -77,7 +80,7 @@ def read_points(value: Any, place: str, path: Path) -> Points:
         InputError: no joints, a point that is none, or a name that is not known.
     """
     if isinstance(value, dict):
-        keys = _axis_keys(value)
+        keys = axis_keys(value)
         if keys is not None:
             columns = [_numbers(value[k], f"{place}: {k}", path) for k in keys]
             if len({len(c) for c in columns}) != 1:
@@ -89,7 +92,7 @@ def read_points(value: Any, place: str, path: Path) -> Points:
     if len(value) in _FLAT and all(isinstance(v, int | float) or v is None for v in value):
         return Points(np.array(value, dtype=np.float64).reshape(-1, 3), None, False)
     some = next((v for v in value if v is not None), None)
-    key = next((k for k in _NAMES if isinstance(some, dict) and k in some), None)
+    key = next((k for k in NAMES if isinstance(some, dict) and k in some), None)
     if key is not None and isinstance(some, dict) and isinstance(some[key], str):
         pairs = [v for v in value if isinstance(v, dict)]
         return _named({str(v.get(key)): v for v in pairs}, place, path)
@@ -128,7 +131,7 @@ def _confidences(points: Iterable[Any]) -> Array | None:
 
 
 def _named(value: dict[str, Any], place: str, path: Path) -> Points:
-    plan = _plan(tuple(value))
+    plan = plan_of(tuple(value))
     if plan.numbered:
         said = {k: _number(k) for k in value}
         numbers = {n: value[k] for k, n in said.items() if n is not None}
@@ -169,7 +172,8 @@ def _named(value: dict[str, Any], place: str, path: Path) -> Points:
 class _Plan(NamedTuple):
     """Which joint each key is; None: none.
 
-    Keys and places are of the 21 alone; it is simple where every key is known and none twice.
+    Keys and places are of the 21 alone, `known` are so many; it is simple where every key is
+    known and none twice.
     """
 
     joints: tuple[int | None, ...]
@@ -177,10 +181,11 @@ class _Plan(NamedTuple):
     keys: tuple[str, ...] = ()
     places: tuple[int, ...] = ()
     simple: bool = False
+    known: int = 0
 
 
 @lru_cache(maxsize=256)
-def _plan(keys: tuple[str, ...]) -> _Plan:
+def plan_of(keys: tuple[str, ...]) -> _Plan:
     if sum(_number(k) is not None for k in keys) > len(keys) / 2:
         return _Plan((), True)
     said = [joint_name(words(k)) for k in keys]
@@ -190,7 +195,7 @@ def _plan(keys: tuple[str, ...]) -> _Plan:
     ours = [(k, j) for k, j in zip(keys, joints, strict=True) if j is not None and j != UNUSED]
     places = tuple(j for _, j in ours)
     simple = None not in joints and len(set(places)) == len(places) > 0
-    return _Plan(joints, False, tuple(k for k, _ in ours), places, simple)
+    return _Plan(joints, False, tuple(k for k, _ in ours), places, simple, len(ours))
 
 
 def _number(key: str) -> int | None:
@@ -201,21 +206,13 @@ def _number(key: str) -> int | None:
     return None if said is None or said.finger is not None else said.number
 
 
-@lru_cache(maxsize=256)
-def _count_named(keys: tuple[str, ...]) -> int:
-    plan = _plan(keys)
-    if plan.numbered:
-        return len(keys)
-    return sum(j is not None and j != UNUSED for j in plan.joints)
-
-
 def _names_in(value: dict[str, Any]) -> int | None:
     """How many keys of an object are joints with a place; None: none."""
-    keys = tuple(str(k) for k in value)
-    n = _count_named(keys)
+    keys = tuple(map(str, value))
+    plan = plan_of(keys)
+    n = len(keys) if plan.numbered else plan.known
     if n == 0:
         return None
-    plan = _plan(keys)
     if plan.numbered:
         return n if any(_looks_placed(v) for v in value.values()) else None
     ours = (value[k] for k in plan.keys if k in value)
@@ -224,7 +221,7 @@ def _names_in(value: dict[str, Any]) -> int | None:
 
 def _without_fingers(value: dict[str, Any]) -> dict[str, Any]:
     """{"thumb": [point x 4]} or {"thumb": {"cmc": point}} as names of single joints."""
-    if _plan(tuple(value)).simple and len(value) > 15:
+    if plan_of(tuple(value)).simple and len(value) > 15:
         return value
     if not any(_is_finger(v) for v in value.values()):
         return value
@@ -250,17 +247,19 @@ def _is_finger(value: Any) -> bool:
     return bool(value) and all(v is None or _looks_placed(v) for v in value.values())
 
 
-def _axis_keys(value: dict[str, Any]) -> tuple[str, str, str] | None:
-    for keys in _AXES:
+def axis_keys(value: dict[str, Any]) -> tuple[str, str, str] | None:
+    if len(value) < 3:
+        return None
+    for keys in AXES:
         if all(isinstance(value.get(k), list) for k in keys):
             return keys
     return None
 
 
 def _is_point(value: dict[str, Any]) -> bool:
-    return any(all(k in value for k in keys) for keys in _AXES) or any(
-        k in value for k in (*_POSITION, *_INSIDE)
-    )
+    if "x" in value and "y" in value and "z" in value:
+        return True
+    return not _HOLDERS.isdisjoint(value) or any(all(k in value for k in a) for a in AXES)
 
 
 def _looks_placed(point: Any) -> bool:
@@ -278,13 +277,13 @@ def _point(given: Any, where: str, path: Path) -> Array:
     for _ in range(3):
         if not isinstance(value, dict):
             break
-        key = next((k for k in (*_INSIDE, *_POSITION) if k in value), None)
+        key = next((k for k in (*INSIDE, *POSITION) if k in value), None)
         if key is None:
             break
         value = value[key]
     if isinstance(value, dict):
         point: dict[str, Any] = value
-        axes = next((keys for keys in _AXES if all(k in point for k in keys)), None)
+        axes = next((keys for keys in AXES if all(k in point for k in keys)), None)
         value = [point[k] for k in axes] if axes else (value or None)
     if value is None:
         return np.full(3, np.nan)

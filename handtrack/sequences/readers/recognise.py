@@ -11,6 +11,7 @@ import msgspec
 
 from handtrack.errors import InputError, SettingsError, shown
 from handtrack.files import budget
+from handtrack.files.collecting import no_collecting
 from handtrack.sequences.readers import (
     bvh,
     c3d_file,
@@ -114,7 +115,8 @@ def _by_content(data: bytes, path: Path) -> list[Raw]:
         return bvh.read_bvh(data, path)
     start = data.lstrip(_BLANK)[:5]
     if start[:1] in (b"{", b"[") or start.strip() == b"null":
-        return _read_json(data, path)
+        with no_collecting():
+            return _read_json(data, path)
     if is_landmark_line(data):
         return read_landmark_lines(data, path)
     return text_table.read_table(data, path)

@@ -39,7 +39,7 @@ def stamps_of(frames: Items[Any], places: Items[str]) -> Stamps | None:
             value = value.get(key) if isinstance(value, dict) else None
         values.append(value)
     unit = time_unit(keys[-1])
-    return Stamps(values, keys[-1], unit or None, list(places))
+    return Stamps(values, keys[-1], unit or None, places)
 
 
 def _is_time(key: str, value: Any) -> bool:

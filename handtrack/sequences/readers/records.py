@@ -21,6 +21,7 @@ from handtrack.sequences.readers.fields import RATES, UNIT_KEYS, as_frames
 from handtrack.sequences.readers.found import Found, hands_in, names_hands, side_of
 from handtrack.sequences.readers.pictures import refuse_pictures
 from handtrack.sequences.readers.points import are_points, read_points
+from handtrack.sequences.readers.points_together import read_many
 from handtrack.sequences.readers.raw import (
     Array,
     NotJointsError,
@@ -31,6 +32,7 @@ from handtrack.sequences.readers.raw import (
     stem,
     usable_confidence,
 )
+from handtrack.sequences.readers.record_places import Picked
 from handtrack.sequences.readers.record_times import frame_index_of, stamps_of
 from handtrack.sequences.titles import looks_meant, time_unit
 
@@ -94,7 +96,7 @@ def read_records(
             raw.name = f"{raw.name} hand {key.number}"
         rows = [values[i] for i in hand.rows]
         inside = [hand.found[i].inside if i in hand.found else None for i in hand.rows]
-        at = [places[i] for i in hand.rows]
+        at = Picked(places, hand.rows)
         own = stamps_of(rows, at) or stamps_of(inside, at)
         raw.stamps = own or (None if logged is None else logged.take(hand.rows))
         raw.frame_index = frame_index_of(rows, path)
@@ -118,10 +120,10 @@ def _grouped(
 ) -> dict[Key, _Hand]:
     """The records of each hand, in order of their names."""
     found: list[list[tuple[Key, Found]]] = []
-    for value, place in zip(values, places, strict=True):
+    for i, value in enumerate(values):
         if not isinstance(value, dict | list | None):
-            raise InputError(f"{place} is no frame: expected an object or a list", path)
-        found.append([(_key(f, place, path, about), f) for f in hands_in(value)])
+            raise InputError(f"{places[i]} is no frame: expected an object or a list", path)
+        found.append([(_key(f, places, i, path, about), f) for f in hands_in(value)])
     _check_kinds(values, places, found, path)
     seen = {key for of in found for key, f in of if f.value is not None}
     if not seen:
@@ -152,7 +154,7 @@ def _grouped(
     return dict(sorted(kept.items(), key=lambda item: (item[0].hand or "", item[0].number)))
 
 
-def _key(found: Found, place: str, path: Path, about: dict[str, Any]) -> Key:
+def _key(found: Found, places: Items[str], i: int, path: Path, about: dict[str, Any]) -> Key:
     label = about.get("hand", about.get("handedness")) if found.label is None else found.label
     if label is None or label == "":
         return Key(None, found.number)
@@ -162,7 +164,7 @@ def _key(found: Found, place: str, path: Path, about: dict[str, Any]) -> Key:
             return Key(None, found.number or str(label))
         if isinstance(label, list) and not label:
             return Key(None, found.number)
-        return Key(as_hand(label, path, f"{place}: hand"), found.number)
+        return Key(as_hand(label, path, f"{places[i]}: hand"), found.number)
     return Key(side, found.number)
 
 
@@ -176,16 +178,17 @@ def _check_kinds(
     """Lists among objects are frames like them, or nothing is."""
     if not any(isinstance(v, dict) for v in values):
         return
-    for value, place, of in zip(values, places, found, strict=True):
+    for i, (value, of) in enumerate(zip(values, found, strict=True)):
         if isinstance(value, list) and value and not of:
-            raise InputError(f"{place} is not an object, others are", path)
+            raise InputError(f"{places[i]} is not an object, others are", path)
 
 
 def _nothing(values: Items[Any], places: Items[str]) -> str:
-    full = [(v, p) for v, p in zip(values, places, strict=True) if isinstance(v, dict) and v]
+    full = [i for i, v in enumerate(values) if isinstance(v, dict) and v]
     if not full:
         return "every frame is missing"
-    value, place = max(full[:50], key=lambda pair: len(pair[0]))
+    most = max(full[:50], key=lambda i: len(values[i]))
+    value, place = values[most], places[most]
     there = ", ".join(str(k)[:30] for k in list(value)[:8])
     return f"no joints in it: expected joints_m or joints, {place} has {there}"
 
@@ -194,7 +197,7 @@ def _joints(hand: _Hand, places: Items[str], path: Path) -> tuple[Array, Array |
     """(T, N, 3) and (T, N) of one hand; frames in which it was not seen are NaN."""
     at = [k for k, i in enumerate(hand.rows) if i in hand.found and hand.found[i].value is not None]
     given = [hand.found[hand.rows[k]] for k in at]
-    where = [places[hand.rows[k]] for k in at]
+    where = Picked(places, [hand.rows[k] for k in at])
     frames, sure = _together(given, where, path) or _one_by_one(given, where, path)
     sure = None if sure is None else usable_confidence(sure)
     joints = np.full((len(hand.rows), *frames.shape[1:]), np.nan)
@@ -210,12 +213,18 @@ def _joints(hand: _Hand, places: Items[str], path: Path) -> tuple[Array, Array |
     return joints, usable_confidence(confidence)
 
 
-def _together(given: list[Found], places: list[str], path: Path) -> tuple[Array, None] | None:
+def _together(
+    given: list[Found], places: Items[str], path: Path
+) -> tuple[Array, Array | None] | None:
     """Lists of numbers all at once, which is fast; None where they are anything else."""
-    if not all(isinstance(f.value, list) and f.value and _plain(f.value) for f in given):
+    values = [f.value for f in given]
+    many = read_many(values) if given else None
+    if many is not None:
+        return many.joints, many.confidence
+    if not all(isinstance(v, list) and v and _plain(v) for v in values):
         return None
     try:
-        array = np.array([f.value for f in given], dtype=np.float64)
+        array = np.array(values, dtype=np.float64)
     except (ValueError, TypeError, OverflowError):
         return None
     if array.ndim == 4 and array.shape[1] == 1:
@@ -232,7 +241,7 @@ def _plain(value: list[Any]) -> bool:
     return isinstance(value[0], list | int | float)
 
 
-def _one_by_one(given: list[Found], places: list[str], path: Path) -> tuple[Array, Array | None]:
+def _one_by_one(given: list[Found], places: Items[str], path: Path) -> tuple[Array, Array | None]:
     frames: list[Array] = []
     sure: list[Array] = []
     any_sure = False
@@ -256,7 +265,7 @@ def _one_by_one(given: list[Found], places: list[str], path: Path) -> tuple[Arra
     return np.stack(frames), np.stack(sure) if any_sure else None
 
 
-def _whole_confidence(given: list[Found], places: list[str], n: int, path: Path) -> Array | None:
+def _whole_confidence(given: list[Found], places: Items[str], n: int, path: Path) -> Array | None:
     """(T, N) of what stands beside the joints; frames without one count fully."""
     if all(f.confidence is None for f in given):
         return None

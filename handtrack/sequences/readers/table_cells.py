@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Sequence as Items
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,7 @@ MISSING = {"", "nan", "na", "n/a", "n.a.", "null", "none", "-", "--", "#n/a", "n
 _WORD = re.compile(r"(?i)\b(?:null|none|na|n/a|nat)\b|#n/a|(?<![\d.eE])-(?![\d.])")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _MAX_TITLE_LINES = 4
+_NARROW = 16
 # what MATLAB, R, pandas and spreadsheets call columns without names
 _NUMBERED = re.compile(r"(?i)(?:var|v|col|column|feature|f|unnamed: )[_ ]?(\d+)")
 
@@ -50,6 +51,7 @@ class Table:
     first: list[str]
     path: Path
     normalised: bool = False
+    _all: list[str] | None = field(default=None, init=False, repr=False)
 
     @property
     def width(self) -> int:
@@ -80,6 +82,14 @@ class Table:
         """One column's cells."""
         if self.separator is None:
             return [line.split(None, column + 1)[column] for line in self.lines]
+        if self.width <= _NARROW:
+            if self._all is None:
+                text = self.separator.join(self.lines)
+                blank = " " in text or not text.isprintable()
+                cells = text.split(self.separator)
+                self._all = [c.strip() for c in cells] if blank else cells
+            if len(self._all) == self.width * len(self.lines):  # all lines are as wide
+                return self._all[column :: self.width]
         return [line.split(self.separator, column + 1)[column].strip() for line in self.lines]
 
     def numbers(self, columns: Items[int], names: Items[str]) -> Array:

@@ -78,7 +78,12 @@ def by_hand(
     """One of each hand that the lines name or number, where the columns do not."""
     keys: list[tuple[str, str]] = [("", "")] * len(table.lines)
     if label is not None and raw.hand is None:
-        keys = [(_side(c, i, table, titles[label]), "") for i, c in enumerate(table.texts(label))]
+        texts = table.texts(label)
+        sides: dict[str, str] = {}
+        for i, text in enumerate(texts):
+            if text not in sides:
+                sides[text] = _side(text, i, table, titles[label])
+        keys = [(sides[text], "") for text in texts]
     if columns.number is not None and _doubled(keys, raw):
         numbers = table.texts(columns.number)
         keys = [(side, n) for (side, _), n in zip(keys, numbers, strict=True)]

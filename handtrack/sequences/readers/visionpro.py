@@ -10,6 +10,7 @@ arrays           of its stream's names: left_wrist (T, 1, 4, 4) in the world and
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from collections.abc import Sequence as Items
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ def is_frame(line: dict[str, Any]) -> bool:
     )
 
 
-def read_lines(values: list[Any], places: list[str], path: Path) -> list[Raw]:
+def read_lines(values: list[Any], places: Items[str], path: Path) -> list[Raw]:
     """The hands of tracking.jsonl.
 
     Raises:
