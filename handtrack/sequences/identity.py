@@ -9,7 +9,7 @@ a second is taken as said. It is not for streams: it needs the frames after an e
 from __future__ import annotations
 
 from collections.abc import Sequence as Many
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from handtrack.hand.skeleton import HANDS, N_JOINTS
 from handtrack.sequences.chirality import DECIDED, chirality, frame_chirality
+from handtrack.sequences.identity_costs import STILL_M, Together, cheapest, cost_of, motion
 from handtrack.sequences.sequence import Remark, Sequence
 
 Array = NDArray[np.float64]
@@ -25,42 +26,10 @@ Ints = NDArray[np.int64]
 LONGEST_S = 1.0
 """An exchange that lasts longer is not put back [s]."""
 
-# The costs of a way to read the frames, in units of an expected motion. A joint that moves by
-# _STILL_M + _SPEED dt costs 1, and never more than _FAR.
-_STILL_M = 0.02
-_SPEED = 1.0  # m/s
-_FAR = 6.0
-# how long a hand's last place says where it will be [s]
-_MEMORY_S = 0.5
-# a hand that comes from nowhere, or goes
-_COMES, _GOES = 4.0, 1.0
-# an exchange begins or ends, and lasts, per second
-_EXCHANGE, _LASTING = 1.5, 6.0
-# fingers that flex like the other hand's, per second
-_CHIRALITY = 8.0
 # fewer joints say nothing of whose they are
 _FEW = 3
 # an exchange must explain the frames better by this
 _GAIN = 1.0
-
-
-@dataclass(frozen=True, eq=False)
-class _Together:
-    """Sequences on one time line.
-
-    Attributes:
-        time_ns: (T,); joints: (T, N, 21, 3); seen: (T, N) whether enough joints are there to tell.
-        bends: (T, N) chirality of each frame; sign: (N,) that of the whole sequence, or 0.
-        ways: (S, N) permutations; row s says which sequence's frame each hand takes. The
-            first leaves all as it is.
-    """
-
-    time_ns: Ints
-    joints: Array
-    seen: NDArray[np.bool_]
-    bends: Array
-    sign: Array
-    ways: Ints
 
 
 def repair_identity(sequences: Many[Sequence]) -> list[Sequence]:
@@ -99,12 +68,12 @@ def _repaired(group: list[Sequence]) -> list[Sequence]:
     for first, last in _doubtful(together):
         part = _part(together, first, last)
         # only what lies at the start of the source may begin exchanged
-        found = _cheapest(part, free=first == 0)
+        found = cheapest(part, free=first == 0)
         way[first : last + 1] = _worthwhile(part, found)
     return _put_back(group, together, way) if way.any() else group
 
 
-def _on_one_time_line(group: list[Sequence]) -> _Together:
+def _on_one_time_line(group: list[Sequence]) -> Together:
     time_ns = np.unique(np.concatenate([s.time_ns for s in group]))
     joints = np.full((len(time_ns), len(group), N_JOINTS, 3), np.nan)
     for k, s in enumerate(group):
@@ -116,7 +85,7 @@ def _on_one_time_line(group: list[Sequence]) -> _Together:
         # labels may be the wrong way round all through: it counts how the sequence flexes
         sign[k] = np.sign(whole) if abs(whole) > DECIDED else 0.0
     seen = (~np.isnan(joints[..., 0])).sum(-1) >= _FEW
-    return _Together(time_ns, joints, seen, bends, sign, _ways(group, joints))
+    return Together(time_ns, joints, seen, bends, sign, _ways(group, joints))
 
 
 def _ways(group: list[Sequence], joints: Array) -> Ints:
@@ -146,7 +115,7 @@ def _apart(a: Array, b: Array) -> bool:
     """
     distance = np.linalg.norm(_middle(a) - _middle(b), axis=-1)
     distance = distance[~np.isnan(distance)]
-    return not distance.size or bool(np.median(distance) > _STILL_M)
+    return not distance.size or bool(np.median(distance) > STILL_M)
 
 
 def _middle(joints: Array) -> Array:
@@ -156,7 +125,7 @@ def _middle(joints: Array) -> Array:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def _part(together: _Together, first: int, last: int) -> _Together:
+def _part(together: Together, first: int, last: int) -> Together:
     part = slice(first, last + 1)
     return replace(
         together,
@@ -167,7 +136,7 @@ def _part(together: _Together, first: int, last: int) -> _Together:
     )
 
 
-def _doubtful(together: _Together) -> list[tuple[int, int]]:
+def _doubtful(together: Together) -> list[tuple[int, int]]:
     """First and last index of each stretch to be looked at: around a hand that jumps or comes."""
     time_ns, n = together.time_ns, len(together.time_ns)
     doubtful = np.zeros(n, dtype=bool)
@@ -177,7 +146,7 @@ def _doubtful(together: _Together) -> list[tuple[int, int]]:
             continue
         moved = together.joints[at[1:], k] - together.joints[at[:-1], k]
         dt = np.diff(time_ns[at]) * 1e-9
-        cost = _motion(moved[:, None], dt[:, None])[:, 0]
+        cost = motion(moved[:, None], dt[:, None])[:, 0]
         doubtful[at[0]] |= at[0] > 0
         doubtful[at[1:]] |= (cost > 1.0) | (np.diff(at) > 1)
     stretches: list[tuple[int, int]] = []
@@ -192,101 +161,14 @@ def _doubtful(together: _Together) -> list[tuple[int, int]]:
     return stretches
 
 
-def _motion(moved: Array, dt: Array) -> Array:
-    """Cost (...) of joints that moved by (..., 21, 3) [m] in dt (...) [s]; NaN if none did."""
-    expected = _STILL_M + _SPEED * dt
-    distance = np.sqrt(np.einsum("...i,...i->...", moved, moved)) / expected[..., None]
-    known = ~np.isnan(distance)
-    total = np.where(known, np.minimum(np.nan_to_num(distance), _FAR), 0.0).sum(-1)
-    count = known.sum(-1)
-    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
-
-
-class _Memory:
-    """Where each of several readings of the frames saw each hand last."""
-
-    def __init__(self, readings: int, hands: int):
-        self.joints = np.full((readings, hands, N_JOINTS, 3), np.nan)
-        self.time_ns = np.zeros((readings, hands), dtype=np.int64)
-        self.there = np.zeros((readings, hands), dtype=bool)
-
-    def costs(self, together: _Together, t: int) -> Array:
-        """(R, N, N) what it costs if a hand (second axis) takes a frame (third) at time t."""
-        age = (together.time_ns[t] - self.time_ns) * 1e-9
-        moved = together.joints[t][None, None] - self.joints[:, :, None]
-        cost = _motion(moved, np.broadcast_to(age[..., None], moved.shape[:3]))
-        forgotten = np.isnan(cost) | (age > _MEMORY_S)[..., None]
-        seen = together.seen[t]
-        return np.where(
-            seen, np.where(forgotten, _COMES, cost), np.where(self.there, _GOES, 0.0)[..., None]
-        )
-
-    def take(self, together: _Together, t: int, before: Ints, ways: Ints) -> None:
-        """Reading r goes on from reading before[r], and gives the hands the frames ways[r]."""
-        seen = together.seen[t][ways]
-        joints = together.joints[t][ways]
-        self.joints = np.where(seen[..., None, None], joints, self.joints[before])
-        self.time_ns = np.where(seen, together.time_ns[t], self.time_ns[before])
-        self.there = seen
-
-
-def _standing(together: _Together, t: int) -> Array:
-    """(S,) what each way costs at time t, whatever was before."""
-    dt = 0.0 if t == 0 else (together.time_ns[t] - together.time_ns[t - 1]) * 1e-9
-    dt = min(dt, _MEMORY_S)
-    bends = together.bends[t][together.ways] * together.sign
-    wrong = np.where(together.seen[t][together.ways], 0.5 * (np.abs(bends) - bends), 0.0).sum(1)
-    lasting = np.where(np.arange(len(together.ways)) > 0, _LASTING, 0.0)
-    return np.asarray(dt * (_CHIRALITY * wrong + lasting))
-
-
-def _cheapest(together: _Together, free: bool) -> Ints:
-    """(T,) the cheapest way at every time (Viterbi); free: it may begin exchanged."""
-    ways, n = together.ways, len(together.time_ns)
-    hands = np.arange(ways.shape[1])
-    memory = _Memory(len(ways), len(hands))
-    total = np.zeros(len(ways)) if free else np.where(np.arange(len(ways)) > 0, np.inf, 0.0)
-    came_from = np.zeros((n, len(ways)), dtype=np.int64)
-    changes = _EXCHANGE * (
-        (np.arange(len(ways))[:, None] != np.arange(len(ways)))
-        * ((np.arange(len(ways)) > 0)[:, None].astype(int) + (np.arange(len(ways)) > 0))
-    )
-    for t in range(n):
-        # (from, hand, frame) -> (from, to)
-        moves = memory.costs(together, t)[:, hands, ways].sum(-1)
-        step = total[:, None] + moves + (changes if t else np.where(changes > 0, np.inf, 0.0))
-        came_from[t] = step.argmin(0)
-        total = step.min(0) + _standing(together, t)
-        memory.take(together, t, came_from[t], ways)
-    way = np.zeros(n, dtype=np.int64)
-    way[-1] = int(total.argmin())
-    for t in range(n - 1, 0, -1):
-        way[t - 1] = came_from[t, way[t]]
-    return way
-
-
-def _cost(together: _Together, way: Ints) -> float:
-    """What the frames cost if they are read in this way (T,)."""
-    memory = _Memory(1, together.ways.shape[1])
-    hands, here = np.arange(together.ways.shape[1]), np.zeros(1, dtype=np.int64)
-    total = 0.0
-    for t, s in enumerate(way):
-        taken = together.ways[s]
-        total += memory.costs(together, t)[0, hands, taken].sum() + _standing(together, t)[s]
-        memory.take(together, t, here, taken[None])
-        if t and way[t - 1] != s:
-            total += _EXCHANGE * (int(s > 0) + int(way[t - 1] > 0))
-    return float(total)
-
-
-def _worthwhile(together: _Together, way: Ints) -> Ints:
+def _worthwhile(together: Together, way: Ints) -> Ints:
     """The way without exchanges that last too long or explain too little."""
     kept = way.copy()
     for first, last in _runs(way):
         long = (together.time_ns[last] - together.time_ns[first]) * 1e-9 > LONGEST_S
         without = kept.copy()
         without[first : last + 1] = 0
-        if long or _cost(together, without) - _cost(together, kept) < _GAIN:
+        if long or cost_of(together, without) - cost_of(together, kept) < _GAIN:
             kept = without
     return kept
 
@@ -299,7 +181,7 @@ def _runs(way: Ints) -> list[tuple[int, int]]:
     return [(a, b) for a, b in zip(firsts, lasts, strict=True) if way[a] > 0]
 
 
-def _put_back(group: list[Sequence], together: _Together, way: Ints) -> list[Sequence]:
+def _put_back(group: list[Sequence], together: Together, way: Ints) -> list[Sequence]:
     time_ns, taken = together.time_ns, together.ways[way]
     n = len(time_ns)
     joints = together.joints[np.arange(n)[:, None], taken]
@@ -339,7 +221,7 @@ def _put_back(group: list[Sequence], together: _Together, way: Ints) -> list[Seq
 
 
 def _remarks(
-    group: list[Sequence], together: _Together, way: Ints, index: Ints, k: int
+    group: list[Sequence], together: Together, way: Ints, index: Ints, k: int
 ) -> list[Remark]:
     found = []
     for first, last in _runs(way):
