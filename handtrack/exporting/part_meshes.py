@@ -13,6 +13,8 @@ from handtrack.hand.skeleton import N_PARTS, PART_JOINT
 
 Array = NDArray[np.float64]
 
+_ENOUGH = 0.1
+"""Of a triangle's weights: a part that has so much of it takes it too."""
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("about", "<u2")])
 """A triangle of a binary STL file."""
 
@@ -32,15 +34,17 @@ class Mesh(NamedTuple):
 def part_meshes(model: HandModel) -> list[Mesh | None]:
     """The skin of each of the 16 moving parts, about the part's own joint at rest.
 
-    A triangle goes with the part that moves most of it; where the skin was cut the hole is
-    closed by a fan about its middle. None for a part without skin.
+    A triangle goes with every part that moves enough of it, so that neighbours overlap where
+    they bend; where the skin was cut the hole is closed by a fan about its middle. None for a
+    part without skin.
     """
     if not len(model.faces):
         return [None] * N_PARTS
-    owner = model.weights[model.faces].sum(1).argmax(1)
+    moved = model.weights[model.faces].mean(1)
+    belongs = moved >= np.minimum(_ENOUGH, moved.max(1))[:, None]
     made: list[Mesh | None] = []
     for part in range(N_PARTS):
-        faces = model.faces[owner == part].astype(np.int64)
+        faces = model.faces[belongs[:, part]].astype(np.int64)
         if not len(faces):
             made.append(None)
             continue

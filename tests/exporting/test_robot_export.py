@@ -208,8 +208,9 @@ def test_pieces_of_the_skin_are_closed(hand: str) -> None:
         assert inside > 0
         volume += inside
     a, b, c = np.moveaxis(model.rest_vertices[model.faces], 1, 0)
-    # fans close the holes between fingers a little differently on either side
-    assert volume == pytest.approx((a * np.cross(b, c)).sum() / 6, rel=0.08)
+    # neighbours overlap at the joints, so that no gap opens where they bend
+    whole = (a * np.cross(b, c)).sum() / 6
+    assert whole < volume < 1.4 * whole
 
 
 def test_a_hand_without_a_skin_shows_its_capsules(yourdfpy: Any, tmp_path: Path) -> None:

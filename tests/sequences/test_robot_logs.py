@@ -8,7 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from robot_files import (
+from screens import lacking
+
+import handtrack as ht
+from handtrack.errors import HandtrackError
+from handtrack.hand.rotations import matrix_to_quaternion, vector_to_matrix
+from handtrack.hand.skeleton import JOINT_NAMES, ORDERS
+from handtrack.sequences.readers.robot_logs import decode
+from tools.make.robot_logs import (
     HUMBLE,
     START,
     STEP,
@@ -22,13 +29,6 @@ from robot_files import (
     tf_message,
     write_log,
 )
-from screens import lacking
-
-import handtrack as ht
-from handtrack.errors import HandtrackError
-from handtrack.hand.rotations import matrix_to_quaternion, vector_to_matrix
-from handtrack.hand.skeleton import JOINT_NAMES, ORDERS
-from handtrack.sequences.readers.robot_logs import decode
 
 FRAMES = 12
 POSE_ARRAY = "geometry_msgs/msg/PoseArray"

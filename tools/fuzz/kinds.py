@@ -16,7 +16,7 @@ from handtrack.cameras.formats import load_cameras
 from handtrack.hand.hand_file import load_hand, save_hand
 from handtrack.hand.mano_file import read_mano
 from handtrack.hand.model import HandModel
-from tools.fuzz import brought
+from tools.fuzz import brought, robots
 from tools.fuzz.corpus import (
     Files,
     Joints,
@@ -151,4 +151,5 @@ def kinds() -> dict[str, Kind]:
         "yaml": Kind(lambda j: {"a.yaml": _YAML.encode()}, "a.yaml", load_cameras),
         "cameras.json": Kind(_panoptic_cameras, "a.json", load_cameras),
         **brought.kinds(),
+        **robots.kinds(),
     }

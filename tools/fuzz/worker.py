@@ -42,7 +42,7 @@ ONE_NUMBER = ("json bare", "freihand", "csv bare", "interhand")
 """Kinds of text in which nearly every number is of a joint."""
 _OURS = (
     *("handtrack", "numpy", "msgspec", "google", "mcap", "lz4", "zstandard", "scipy", "numba"),
-    *("h5py", "c3d"),
+    *("h5py", "c3d", "pyarrow", "flatbuffers"),
 )
 
 

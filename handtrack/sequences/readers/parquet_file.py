@@ -155,17 +155,21 @@ def _episodes(table: pyarrow.Table, lists: list[str], path: Path) -> list[Raw]:
     raws: list[Raw] = []
     for rows, number in _by_episode(table, path):
         title = stem(path) if number is None else f"{_title(path)} episode {number}"
-        if observed:
+        by_name = [
+            raw
+            for name, names in named.items()
+            if (value := arrays[name]) is not None
+            for raw in _by_name(value[rows], names, table, rows, path, title, info)
+        ]
+        raws += by_name
+        if not by_name:
             for name, values in observed.items():
                 part = values[rows].reshape(len(rows), -1, 3)
                 raw = Raw(part, path, title, hand=_side(name))
                 raw = _timed(raw, table, rows, info)
                 raws += two_hands(raw)
-        else:
-            for name, names in named.items():
-                value = arrays[name]
-                if value is not None:
-                    raws += _by_name(value[rows], names, table, rows, path, title, info)
+    if not raws:
+        raise NotJointsError("no column whose numbers are named as joints", path)
     return raws
 
 
@@ -240,7 +244,10 @@ def _by_name(
     import pyarrow
 
     columns = {n: pyarrow.array(v, mask=~np.isfinite(v)) for n, v in zip(names, values.T)}  # noqa: B905
-    raws = _read_flat(pyarrow.table(columns), path)
+    try:
+        raws = _read_flat(pyarrow.table(columns), path)
+    except NotJointsError:  # the names of motors, or of nothing
+        return []
     made = []
     for raw in raws:
         # a table leaves no row out, but may give a hand only some

@@ -123,7 +123,7 @@ def foxglove_frames(time: int, frames: list[tuple[str, str, Any, Any]]) -> bytes
         one.timestamp.seconds, one.timestamp.nanos = divmod(time, 10**9)
         one.translation.x, one.translation.y, one.translation.z = map(float, place)
         one.rotation.x, one.rotation.y, one.rotation.z, one.rotation.w = map(float, turn)
-    return made.SerializeToString()
+    return bytes(made.SerializeToString())
 
 
 def foxglove_poses_json(time: int, places: np.ndarray) -> bytes:
@@ -148,7 +148,7 @@ def write_log(path: Path, topics: Topics, frames: int) -> Path:
             time = START + i * STEP
             for topic, (*_, message) in topics.items():
                 writer.add_message(channels[topic], time + 3_000_000, message(time, i), time)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
     return path
 
 
