@@ -61,7 +61,8 @@ def test_new_id_after_a_loss_is_the_same_hand(write, right):
     frames = [frame(i, (7 if i < 5 else 12, "right", right[i])) for i in range(12)]
     frames[4]["hands"], frames[4]["pointables"] = [], []
     (sequence,) = ht.load(write(frames))
-    assert sequence.frame_index.tolist() == [0, 1, 2, 3, *range(5, 12)]
+    assert sequence.frame_index.tolist() == list(range(12))
+    assert np.flatnonzero(~sequence.present.any(1)).tolist() == [4]
     assert "lost and found again 1 time(s)" in sequence.notes[0]
 
 
@@ -71,7 +72,8 @@ def test_two_right_hands_at_once(write, right):
     a, b = ht.load(write(frames))
     assert (a.name, b.name) == ("grab hand1 right", "grab hand2 right")
     np.testing.assert_allclose(b.joints[:, 1:], right[:, 1:] + 0.3)
-    assert len(a) == 11
+    assert np.flatnonzero(~a.present.any(1)).tolist() == [6]
+    assert len(a) == len(b) == 12
 
 
 def test_missing_fingers_and_true_tips(write, right):

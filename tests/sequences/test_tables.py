@@ -135,3 +135,12 @@ def test_fpha_frames_are_numbers(write, right):
     lines[3][0] = "2.5"
     with pytest.raises(ht.InputError, match=r"frame index \(column 1\) is not a whole number"):
         ht.load(write(lines, "skeleton.txt", " "))
+
+
+def test_quotes_behind_a_blank(tmp_path, right):
+    titles = ", ".join(f'"{n}_{a}"' for n in JOINT_NAMES for a in "xyz")
+    lines = [", ".join(f'"{x:.9f}"' for x in row.ravel()) for row in right]
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([titles, *lines]) + "\n")
+    (sequence,) = ht.load(path, hand="right")
+    np.testing.assert_allclose(sequence.joints, right, atol=1e-8)

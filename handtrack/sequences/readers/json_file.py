@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence as Items
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -112,7 +113,7 @@ def from_value(value: Any, path: Path) -> list[Raw]:
         NotJointsError, InputError: as `read_json`.
     """
     if isinstance(value, dict):
-        return _of_source([value], ["the object"], path) or _object(value, path)
+        return _of_source([value], ["the object"], path) or _with_world(_object(value, path), value)
     if not isinstance(value, list):
         raise NotJointsError("no joints in it: expected a list of frames or an object", path)
     if not value:
@@ -124,6 +125,16 @@ def from_value(value: Any, path: Path) -> list[Raw]:
     if any(isinstance(v, dict) for v in value):  # joints of one frame
         return read_records([value], ["the list"], path)
     return two_hands(Raw(as_frames(value, path, "the list"), path, stem(path)))
+
+
+def _with_world(raws: list[Raw], value: dict[str, Any]) -> list[Raw]:
+    """With a note where the world is Unity's: MRTK records a pose's `items` in it."""
+    items = value.get("items")
+    first = items[0] if isinstance(items, list) and items else None
+    if isinstance(first, dict) and "joint" in first and isinstance(first.get("pose"), dict):
+        note = "MRTK's world is left-handed: --mirror z turns it round, and tells which hand it is"
+        return [replace(raw, notes=(*raw.notes, note)) for raw in raws]
+    return raws
 
 
 def _are_frames(value: list[Any]) -> bool:

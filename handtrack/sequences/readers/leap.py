@@ -88,8 +88,8 @@ def is_leap(data: bytes) -> bool:
 def read_leap(data: bytes, path: Path) -> list[Raw]:
     """The sequences of a Leap recording, one per hand.
 
-    A hand that was lost and came back under a new id continues its sequence; two hands of the
-    same type at one time make two sequences.
+    Frames in which a hand was not seen are its frames too; one that was lost and came back under
+    a new id continues its sequence; two hands of the same type at one time make two sequences.
 
     Raises:
         NotJointsError: no hand with fingers in any frame.
@@ -123,11 +123,13 @@ def read_leap(data: bytes, path: Path) -> list[Raw]:
     for label, tracks in sorted(seen.items()):
         for number, track in enumerate(tracks, 1):
             at = np.array(track.frame, dtype=np.int64)
+            joints = np.full((len(frames), N_JOINTS, 3), np.nan)
+            joints[at] = np.array(track.joints)
+            sure = np.ones((len(frames), N_JOINTS))
+            sure[at] = np.clip(track.confidence, 0, 1)[:, None]
             ids = list(dict.fromkeys(track.ids))
             if len(ids) > 1:
                 notes = [f"lost and found again {len(ids) - 1} time(s), under a new id"]
-            joints = np.array(track.joints)
-            confidence = np.repeat(np.clip(track.confidence, 0, 1)[:, None], N_JOINTS, axis=1)
             raws.append(
                 Raw(
                     joints,
@@ -135,10 +137,10 @@ def read_leap(data: bytes, path: Path) -> list[Raw]:
                     stem(path) if len(tracks) == 1 else f"{stem(path)} hand{number}",
                     hand=label,
                     unit="mm",
-                    stamps=None if stamps is None else stamps.take(at),
-                    frame_index=at,
+                    stamps=stamps,
+                    frame_index=np.arange(len(frames)),
                     fps=fps,
-                    confidence=confidence,
+                    confidence=sure,
                     notes=tuple(notes),
                 )
             )

@@ -223,7 +223,7 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 def _unquoted(line: str, separator: str, place: int, path: Path) -> str:
     try:
-        return SEPARATOR.join(next(csv.reader([line], delimiter=separator)))
+        return SEPARATOR.join(next(csv.reader([line], delimiter=separator, skipinitialspace=True)))
     except csv.Error as error:
         raise InputError(f"line {place}: {error}", path) from None
 
