@@ -202,6 +202,10 @@ def _check(name: str, value: Any, about: About, default: Any) -> None:
         return
     if isinstance(default, bool):
         raise SettingsError(f"{name} is {value!r}, expected True or False")
+    if isinstance(default, str) and not about.words:
+        if not isinstance(value, str):
+            raise SettingsError(f"{name} is {shown(value)}, expected a name")
+        return
     if (value is None and default is None) or (isinstance(value, str) and value in about.words):
         return
     right = int if isinstance(default, int) else (int, float)

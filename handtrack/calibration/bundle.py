@@ -74,6 +74,8 @@ class Clip:
         basis: (5 S, n).
         noise: standard deviation of the joints per coordinate [m].
         spread: distance at which the robust loss (Geman-McClure) bends [m]; inf for squares.
+        worth: how much the clip counts against the prior of the constants, in 0..1: less than 1
+            where its frames' errors are related.
     """
 
     hand: Hand
@@ -83,6 +85,7 @@ class Clip:
     basis: Array
     noise: float
     spread: float = np.inf
+    worth: float = 1.0
 
     def shared(self, free: Array) -> Array:
         """(5, S) the constants."""
@@ -104,7 +107,7 @@ class Clip:
         d2 = np.square(self._residual(free, poses)).sum(-1)
         s2 = self.spread**2
         data = float((self.weights * (d2 if np.isinf(s2) else s2 * d2 / (s2 + d2))).sum())
-        return data / self.noise**2 + self.hand.pull(poses.local)[0]
+        return self.worth * (data / self.noise**2 + self.hand.pull(poses.local)[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,7 +239,7 @@ class _System:
         if np.isfinite(clip.spread):
             s2 = clip.spread**2
             weights = weights * np.square(s2 / (s2 + np.square(residual).sum(-1)))
-        root = np.sqrt(weights) / clip.noise
+        root = np.sqrt(clip.worth * weights) / clip.noise
         w = root[:, 1:].reshape(n, 5, 4, 1, 1)
         finger = np.empty((n, 5, 4, 3, 6 + size + 1))
         finger[..., :3] = turning(points)
@@ -255,6 +258,7 @@ class _System:
     def reduced(self, damping: float) -> _Reduced:
         """Local unknowns and root eliminated."""
         _, slope, curvature = self.clip.hand.pull(self.poses.local)
+        slope, curvature = self.clip.worth * slope, self.clip.worth * curvature
         hll = _transposed(self.local) @ self.local
         k = np.arange(hll.shape[-1])
         hll[..., k, k] = hll[..., k, k] * (1.0 + damping) + curvature + _TRACE
@@ -283,7 +287,7 @@ class _System:
 
     def variance(self) -> Array:
         """(T, 5, L) of the local unknowns, constants known; strays count as all joints do."""
-        plain = _System.of(replace(self.clip, spread=np.inf), self.free, self.poses)
+        plain = _System.of(replace(self.clip, spread=np.inf, worth=1.0), self.free, self.poses)
         finger, local = plain.finger[..., :6], plain.local
         hll = _transposed(local) @ local
         k = np.arange(hll.shape[-1])

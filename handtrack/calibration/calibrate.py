@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.calibration.bundle import Clip, Poses, Solution, solve
+from handtrack.calibration.centres import centred
 from handtrack.calibration.chains import SIZE, Chains
 from handtrack.calibration.frames import MIN_SEEN, Material, chosen, poses_of
 from handtrack.calibration.freedoms import DRIFT, FEW, Freedoms, freedoms, shape
 from handtrack.calibration.proportions import Proportions, proportions
 from handtrack.calibration.settings import METHODS, MIN_FRAMES, CalibrationSettings
+from handtrack.calibration.worth import worth_of
 from handtrack.deprecated import old_positions
+from handtrack.detectors.profile import Noise
 from handtrack.errors import InputError, ModelError, SettingsError
 from handtrack.hand.model import HandModel
-from handtrack.hand.reshape import reshaped
+from handtrack.hand.reshape import landmarks_on, reshaped, without_landmarks
 from handtrack.hand.skeleton import ANGLE_NAMES
 from handtrack.sequences.sequence import Sequence
 
@@ -92,6 +95,7 @@ def calibrate(
     method: str = "auto",
     *,
     frames: int = FRAMES,
+    noise: Noise | None = None,
 ) -> Calibration:
     """The hand of a subject.
 
@@ -103,12 +107,15 @@ def calibrate(
 
     Args:
         model: the prior; what the sequences do not show stays as it is there, scaled. The
-            calibration minds its limits.
+            calibration minds its limits. With `landmark_offsets` the sequences are of its
+            landmarks.
         sequences: one or more of the same hand of the same subject; joints may be missing.
         method: "full"; "lengths" keeps the axes as the model has them; "proportions" takes
             medians of lengths and palm, and "scale" the size alone; "auto" is full where there
             are frames enough, else proportions.
         frames: how many frames of each sequence to look at closely: those that differ most.
+        noise: of the detector, as its profile has it: what lasts in it is not taken for the
+            subject's own. By default what the sequences themselves show.
 
     Returns:
         The calibrated hand, in the prior's root frame, with the prior's limits.
@@ -131,17 +138,19 @@ def calibrate(
                 f"the model is a {model.hand} hand, the sequence a {sequence.hand} one",
                 sequence.source or None,
             )
+    if model.has_landmarks:
+        return _from_landmarks(model, given, method, frames, noise)
     # sizes and medians are taken of the joints as seen
     smooth = method not in ("scale", "proportions")
     materials = [Material.of(sequence, smooth) for sequence in given]
-    noise = float(np.sqrt(np.mean([m.noise**2 for m in materials])))
+    level = float(np.sqrt(np.mean([m.noise**2 for m in materials])))
     joints = np.concatenate([sequence.joints for sequence in given])
-    found = proportions(model, joints, noise, given[0].source)
+    found = proportions(model, joints, level, given[0].source)
     usable = sum(map(len, materials))
     if method == "scale":
-        return _plain(found.scaled, "scale", found, noise, len(joints), found.unseen)
+        return _plain(found.scaled, "scale", found, level, len(joints), found.unseen)
     if method == "proportions":
-        return _plain(found.model, "proportions", found, noise, len(joints), found.kept)
+        return _plain(found.model, "proportions", found, level, len(joints), found.kept)
     if usable < MIN_FRAMES:
         short = (
             f"{usable} frames with {MIN_SEEN} joints or more, a full calibration needs {MIN_FRAMES}"
@@ -149,15 +158,28 @@ def calibrate(
         if method != "auto":
             raise InputError(short, given[0].source or None)
         note = f"only lengths and palm were calibrated: {short}"
-        return _plain(found.model, "proportions", found, noise, len(joints), found.kept, note)
+        return _plain(found.model, "proportions", found, level, len(joints), found.kept, note)
     try:
-        return _bundled(model, found, [m for m in materials if len(m)], noise, method, frames)
+        usable_ones = [m for m in materials if len(m)]
+        return _bundled(model, found, usable_ones, level, method, frames, noise)
     except (ModelError, np.linalg.LinAlgError) as error:
         failed = f"a full calibration came to no hand ({error})"
         if method != "auto":
             raise InputError(failed, given[0].source or None) from None
     note = f"only lengths and palm were calibrated: {failed}"
-    return _plain(found.model, "proportions", found, noise, len(joints), found.kept, note)
+    return _plain(found.model, "proportions", found, level, len(joints), found.kept, note)
+
+
+def _from_landmarks(
+    model: HandModel, given: list[Sequence], method: str, frames: int, noise: Noise | None
+) -> Calibration:
+    """As `calibrate`, of landmarks: joint centres follow from the hand so far and its poses."""
+    bare = without_landmarks(model)
+    found = calibrate(bare, given, "scale")
+    for way in ("scale", "scale", method, method):
+        hand = landmarks_on(model, found.model)
+        found = calibrate(bare, [centred(hand, s) for s in given], way, frames=frames, noise=noise)
+    return replace(found, model=landmarks_on(model, found.model))
 
 
 def _plain(
@@ -176,21 +198,24 @@ def _bundled(
     model: HandModel,
     found: Proportions,
     materials: list[Material],
-    noise: float,
+    level: float,
     method: str,
     frames: int,
+    noise: Noise | None,
 ) -> Calibration:
     """Full calibration, or of lengths alone, from where the medians are."""
     start = found.model
-    chains = Chains.of(start, _LOOSE, _STRICT)
+    # what is expected is the prior hand at the subject's size, where to begin the medians
+    chains = Chains.of(found.scaled, _LOOSE, _STRICT)
     few = sum(map(len, materials)) < FEW
     moves = freedoms(chains, np.full((5, 4), method != "lengths"), few)
     picks = [chosen(m.fitted(start), m.weights, frames) for m in materials]
     few_picks = [pick[:: max(1, len(pick) // _FIRST)] for pick in picks]
     rough = _Round(chains, start, materials, few_picks, [_FIRST_NOISE] * len(materials))
-    first = rough.solve(moves, np.zeros(moves.n), _FIRST_STEPS, 1e-2)
+    begin = np.asarray(np.linalg.lstsq(moves.basis, chains.shared_of(start).ravel())[0])
+    first = rough.solve(moves, begin, _FIRST_STEPS, 1e-2)
     near = _as_model(model, chains, moves.basis @ first.free[: moves.n])
-    fine = _Round(chains, near, materials, picks, rough.misfits(moves, first))
+    fine = _Round(chains, near, materials, picks, rough.misfits(moves, first), noise)
     solution = fine.solve(moves, first.free[: moves.n])
     if method != "lengths":
         known = _known(solution)
@@ -199,13 +224,13 @@ def _bundled(
             shared = moves.basis @ solution.free[: moves.n]
             where = np.asarray(np.linalg.lstsq(fewer.basis, shared)[0])
             moves, solution = fewer, fine.solve(fewer, where)
-    hand = _as_model(model, chains, moves.basis @ solution.free[: moves.n])
+    hand = _as_model(model, chains, fine.constants(moves, solution))
     kept_axes = [n for n, t in zip(ANGLE_NAMES, moves.twists.ravel(), strict=True) if t < 0]
     return Calibration(
         hand,
         "lengths" if method == "lengths" else "full",
         found.scale,
-        noise,
+        level,
         fine.frames,
         found.kept,
         tuple(kept_axes),
@@ -231,6 +256,7 @@ class _Round:
         materials: list[Material],
         picks: list[NDArray[np.int64]],
         noises: list[float],
+        detector: Noise | None = None,
     ):
         self.chains, self.frames = chains, sum(map(len, picks))
         self._targets: list[Array] = []
@@ -238,6 +264,7 @@ class _Round:
         self._poses: list[Poses] = []
         self._noise: list[float] = []
         self._spread: list[float] = []
+        self._worth: list[float] = []
         for material, pick, noise in zip(materials, picks, noises, strict=True):
             fits = material.fitted(start)
             off = np.linalg.norm(fits.joints - material.joints, axis=-1)
@@ -245,6 +272,8 @@ class _Round:
             self._weights.append(material.weights[pick])
             self._poses.append(poses_of(start, fits, pick))
             self._noise.append(max(_FLOOR, material.left, noise))
+            span = 1e-9 * float(material.time_ns[-1] - material.time_ns[0])
+            self._worth.append(worth_of(len(pick), span, noise, material.left, detector))
             self._spread.append(max(_STRAYS_LEAST, _STRAYS * float(np.nanmedian(off))))
 
     def _clips(self, moves: Freedoms) -> tuple[list[Clip], Array]:
@@ -271,6 +300,7 @@ class _Round:
                     basis,
                     self._noise[i],
                     self._spread[i],
+                    self._worth[i],
                 )
             )
         return made, precision
@@ -294,6 +324,19 @@ class _Round:
             d = clip.distances(solution.free, poses)[clip.weights > 0]
             out.append(float(np.median(d)) / _MEDIAN_DISTANCE / np.sqrt(_FREE_SHARE))
         return out
+
+    def constants(self, moves: Freedoms, solution: Solution) -> Array:
+        """(100,) constants of the subject: what is shared, and what clips have most alike beside.
+
+        What the prior draws all clips' drifts for the hand's own would else stay in them.
+        """
+        own = moves.basis @ solution.free[: moves.n]
+        clips = len(self._targets)
+        if clips == 1:
+            return own
+        drift, _ = shape(self.chains)
+        each = solution.free[moves.n :].reshape(clips, -1)
+        return np.asarray(own + drift @ np.median(each, axis=0))
 
     def drifts(self, moves: Freedoms, solution: Solution) -> tuple[float, ...]:
         clips, _ = self._clips(moves)

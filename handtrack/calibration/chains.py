@@ -90,6 +90,14 @@ class Chains:
             moved / np.linalg.norm(moved, axis=-1, keepdims=True),
         )
 
+    def shared_of(self, model: HandModel) -> Array:
+        """(5, 20) constants of a hand with the same wrist and axes."""
+        out = np.zeros((5, SIZE))
+        out[:, :3] = model.rest_joints[BASES] - self.wrist - self.base
+        bones = np.diff(model.rest_joints[1:].reshape(5, 4, 3), axis=1)
+        out[:, 3:AXES] = (bones - self.bones).reshape(5, 9)
+        return out
+
     def _moved_axes(self, shared: Array) -> Array:
         return np.asarray(
             self.axes + np.einsum("fac,facx->fax", shared[:, AXES:].reshape(5, 4, 2), self.charts)

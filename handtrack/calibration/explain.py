@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from handtrack.calibration.balls import Balls
 from handtrack.calibration.bundle import Clip, Poses, solve
+from handtrack.calibration.centres import centred
 from handtrack.calibration.chains import SIZE, Chains
 from handtrack.calibration.frames import Material, poses_of, sound
 from handtrack.errors import InputError
 from handtrack.hand.model import HandModel
+from handtrack.hand.reshape import without_landmarks
 from handtrack.sequences.sequence import Sequence
 
 Array = NDArray[np.float64]
@@ -112,6 +114,9 @@ def explain(
         InputError: no sequence has a frame with at least 12 joints.
     """
     given = [sequences] if isinstance(sequences, Sequence) else list(sequences)
+    if model.has_landmarks:
+        given = [centred(model, s) for s in given]
+        model = without_landmarks(model)
     parts = [_explained(model, Material.of(s, smooth=False), frames) for s in given]
     parts = [part for part in parts if len(part[0])]
     if not parts:

@@ -35,6 +35,7 @@ class Material:
         noise: of the joints as seen, per coordinate [m].
         left: noise of these joints [m].
         dense: no usable frame between was left out.
+        time_ns: (T,).
     """
 
     joints: Array
@@ -42,6 +43,7 @@ class Material:
     noise: float
     left: float
     dense: bool
+    time_ns: NDArray[np.int64]
 
     @staticmethod
     def of(sequence: Sequence, smooth: bool = True) -> Material:
@@ -56,7 +58,8 @@ class Material:
             keep = usable[np.linspace(0, len(usable) - 1, MOST).astype(np.int64)]
         joints = joints[keep]
         weights = np.where(np.isfinite(joints[..., 0]), sequence.confidence[keep], 0.0)
-        return Material(joints, weights, noise, left, len(keep) == len(usable))
+        time_ns = sequence.time_ns[keep]
+        return Material(joints, weights, noise, left, len(keep) == len(usable), time_ns)
 
     def __len__(self) -> int:
         return len(self.joints)

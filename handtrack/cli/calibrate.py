@@ -42,6 +42,13 @@ if TYPE_CHECKING:
     help="Lengths, palm and axes; lengths and palm; medians of those; or the size alone.",
 )
 @click.option(
+    "--detector",
+    metavar="auto|none|NAME|PROFILE.json",
+    default="auto",
+    show_default=True,
+    help="Whose landmarks the joints are, as `track` takes it.",
+)
+@click.option(
     "--limits",
     type=click.Choice(["anatomical", "li2021"]),
     default="anatomical",
@@ -56,6 +63,7 @@ def calibrate(
     inputs: tuple[Path, ...],
     output: Path,
     method: str,
+    detector: str,
     limits: str,
     as_json: bool,
     quiet: bool,
@@ -80,7 +88,7 @@ def calibrate(
         from handtrack.fitting.fit import warm_up
 
         warm_up()
-        hand, found, notes = _calibrated(models, sequences, method)
+        hand, found, notes = _calibrated(models, sequences, method, detector)
         from handtrack.calibration.explain import explain
 
         found |= explain(hand, sequences).summary()
@@ -127,15 +135,19 @@ def _check_one_subject(sequences: list[Sequence]) -> None:
 
 
 def _calibrated(
-    models: Models, sequences: list[Sequence], method: str
+    models: Models, sequences: list[Sequence], method: str, detector: str
 ) -> tuple[HandModel, dict[str, object], list[str]]:
     """The hand, what was found as JSON values, and what the user should know."""
     import handtrack as ht
+    from handtrack.detectors.chosen import chosen_profile
 
     hand = sequences[0].hand
     mano = models.mano(hand)
     if mano is None:
-        result = ht.calibrate(models.of(hand), sequences, method)
+        profile = chosen_profile(detector, sequences[0].detector)
+        model = models.of(hand) if profile is None else profile.on(models.of(hand))
+        noise = None if profile is None else profile.noise
+        result = ht.calibrate(model, sequences, method, noise=noise)
         return result.model, result.summary(), list(result.notes)
     from handtrack.fitting.mano_shape import mano_shape
 

@@ -1,7 +1,7 @@
 """The names of the commands."""
 
 COMMANDS = (
-    *("track", "live", "batch", "detect", "calibrate", "replay", "stability", "export"),
+    *("track", "live", "batch", "detect", "calibrate", "profile", "replay", "stability", "export"),
     "convert",
     *("info", "retrack", "diff", "recover"),
 )

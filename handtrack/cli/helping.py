@@ -22,7 +22,7 @@ _GROUPS = {
         *("frames", "format", "key", "columns", "time_unit", "mirror", "max_size", "profile"),
         *("trajectory", "markers", "no_repair", "start", "end", "match"),
     ),
-    "The hand": ("hand_model", "calibrate", "mano", "mano_tips", "gltf", "limits"),
+    "The hand": ("hand_model", "calibrate", "detector", "mano", "mano_tips", "gltf", "limits"),
     "The recording": ("mesh", "no_mesh", "compression", "foxglove_mesh", "csv", "latex"),
     "The viewer": (
         *("connect", "no_view", "speed", "port", "no_open", "side_by_side", "offset"),
@@ -49,6 +49,7 @@ EXAMPLES = {
     ),
     "detect": ("detect --make-model", "detect clip.mp4 -o joints.npz"),
     "calibrate": ("calibrate a.json b.json -o hand.json",),
+    "profile": ("profile seen.npz --truth true.npz -o profile.json",),
     "replay": (
         "replay out.mcap",
         "replay before.mcap after.mcap",

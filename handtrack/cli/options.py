@@ -97,6 +97,8 @@ def setting_option(name: str, known: Known) -> Callable[[_Command], _Command]:
         kind = click.Choice(about.choices)
     elif about.words:
         kind = _Number(about.words)
+    elif isinstance(default, str):
+        kind = click.STRING
     else:
         ranges = click.IntRange if isinstance(default, int) else click.FloatRange
         low = about.least if about.above is None else about.above

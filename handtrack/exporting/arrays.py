@@ -28,6 +28,9 @@ def arrays(track: Track, rotations: str | None = None, frame: str = "world") -> 
     The observed joints are `joints_m`, with `confidence`, `time_ns`, `frame_index`, `hand` and,
     if known, `truth_m`: `handtrack.load` reads the file again as the sequence that was tracked.
 
+    With a detector's profile `landmarks_m` are where the filtered poses have its landmarks, beside
+    the joint centres of `filtered_joints_m`.
+
     Of a MANO hand there are also `mano_global_orient_rad` (T, 3), `mano_hand_pose_rad` (T, 45),
     `mano_transl_m` (T, 3) and `mano_betas` (S,), as smplx takes them with flat_hand_mean=True
     and use_pca=False (see `to_mano`); no betas where calibration changed the hand.
@@ -83,6 +86,9 @@ def arrays(track: Track, rotations: str | None = None, frame: str = "world") -> 
         "version": track.version,
         "source": track.source,
     }
+    if model.has_landmarks:
+        made["landmarks_m"] = np.where(joints[:, None], track.landmarks, np.nan)
+        made["landmark_offsets_m"] = model.landmark_offsets
     if track.truth is not None:
         made["truth_m"] = track.truth
     if model.name == "mano":

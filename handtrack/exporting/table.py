@@ -71,6 +71,8 @@ def columns(
         joints.insert(1, ("raw_", np.where(known, track.fitted_joints, np.nan)))
     if frame == "operator":
         joints.append(("operator_", operator_frame(filtered, track.hand)[0]))
+    if track.model.has_landmarks:
+        joints.append(("landmark_", np.where(known, track.landmarks, np.nan)))
     if track.truth is not None:
         joints.append(("truth_", track.truth))
     for kind, points in joints:

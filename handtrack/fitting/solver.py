@@ -129,6 +129,14 @@ class Results:
     def joints(self) -> Array:
         return self.rows[:, _JOINTS].reshape(-1, N_JOINTS, 3)
 
+    def landmarks(self, model: HandModel) -> Array:
+        """(T, 21, 3) where the poses have the model's landmarks [m]."""
+        if not model.has_landmarks:
+            return self.joints
+        return self.joints + model.landmarks_from_joints(
+            self.angles, self.roots[:, :9].reshape(-1, 3, 3)
+        )
+
     @property
     def objective(self) -> Array:
         return self.rows[:, frames.OUT_OBJECTIVE]

@@ -309,6 +309,14 @@ class HandModel:
         points = placed.joints + (turn @ self.landmark_offsets[:, :, None])[..., 0]
         return _place(points, rotation, translation)
 
+    def landmarks_from_joints(self, angles: ArrayLike, rotation: ArrayLike) -> Array:
+        """(..., 21, 3) from each joint of poses to its landmark, in the world [m]; as `joints`."""
+        angles = np.asarray(angles, dtype=np.float64)
+        if not self.has_landmarks:
+            return np.zeros((*angles.shape[:-1], N_JOINTS, 3))
+        turn = np.asarray(rotation)[..., None, :, :] @ self.rotations(angles)[..., ARRIVING, :, :]
+        return np.asarray((turn @ self.landmark_offsets[:, :, None])[..., 0])
+
     def vertices(
         self, angles: ArrayLike, rotation: ArrayLike | None = None, translation: ArrayLike = 0.0
     ) -> Array:

@@ -78,6 +78,16 @@ def _offsets(model: HandModel, new: Array) -> Array:
     return np.asarray(turned * palm_length(new) / model.size)
 
 
+def landmarks_on(model: HandModel, other: HandModel) -> HandModel:
+    """The other hand with a model's landmarks, in the frames of its own bones and at its size."""
+    return replace(other, landmark_offsets=_offsets(model, other.rest_joints))
+
+
+def without_landmarks(model: HandModel) -> HandModel:
+    """The same hand, seen by its joint centres."""
+    return replace(model, landmark_offsets=np.zeros_like(model.landmark_offsets))
+
+
 def _bone_map(before: Array, after: Array, thickness: float) -> Array:
     """(3, 3): the smallest turn from one bone to the other, stretched to its length."""
     a, b = before / np.linalg.norm(before), after / np.linalg.norm(after)

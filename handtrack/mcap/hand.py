@@ -15,7 +15,7 @@ from handtrack import __version__
 from handtrack.errors import SettingsError, shown
 from handtrack.hand.limits import Limits
 from handtrack.hand.model import HandModel
-from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES, N_PARTS, Hand
+from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES, N_JOINTS, N_PARTS, Hand
 from handtrack.mcap.schema import array_class, message_class
 
 
@@ -117,6 +117,8 @@ def encode_hand(head: Head) -> bytes:
     out.rest_joints.extend(model.rest_joints.ravel())
     out.axes.extend(model.axes.ravel())
     out.shape.extend(model.shape)
+    if model.has_landmarks:
+        out.landmark_offsets.extend(model.landmark_offsets.ravel())
     out.faces.extend(head.faces.ravel())
     out.n_vertices = head.n_vertices
     if not model.licensed:
@@ -171,6 +173,7 @@ def _model(message: Any) -> HandModel:
     if message.licensed:
         # a skin that may not be passed on: its triangles alone name no vertices
         faces = faces[:0]
+    offsets = rows("landmark_offsets", 3)
     return HandModel(
         message.name,
         message.hand,
@@ -183,6 +186,8 @@ def _model(message: Any) -> HandModel:
         thumb_twist=message.thumb_twist,
         licensed=message.licensed,
         shape=rows("shape"),
+        # files from before detector profiles have none
+        landmark_offsets=offsets if len(offsets) else np.zeros((N_JOINTS, 3)),
     )
 
 

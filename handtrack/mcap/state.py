@@ -90,10 +90,19 @@ class States:
         """All of them by name."""
         return {of.name: getattr(self, of.name) for of in fields(States)}
 
-    @property
-    def error(self) -> Array:
-        """(T, 21) distance of each observed joint to the fitted (raw) one [m], NaN if missing."""
-        return np.asarray(np.linalg.norm(self.fitted_joints - self.observed, axis=-1))
+    def landmarks_of(self, model: HandModel, filtered: bool = False) -> Array:
+        """(T, 21, 3) where the raw or the filtered poses have the landmarks of the detector, which
+        `observed` is compared with [m]; the joints where the model has none."""
+        joints = self.filtered_joints if filtered else self.fitted_joints
+        if not model.has_landmarks:
+            return joints
+        angles = self.angles if filtered else self.angles_raw
+        turn = quaternion_to_matrix(self.quaternion if filtered else self.quaternion_raw)
+        return joints + model.landmarks_from_joints(angles, turn)
+
+    def error_of(self, model: HandModel) -> Array:
+        """(T, 21) of each observed joint to the fitted (raw) landmark [m], NaN if missing."""
+        return np.asarray(np.linalg.norm(self.landmarks_of(model) - self.observed, axis=-1))
 
     def skin_of(self, model: HandModel, frames: slice | NDArray[np.int64]) -> Array:
         """(n, V, 3) skin of the filtered poses of some frames [m], NaN in lost ones."""
@@ -125,6 +134,11 @@ class Stretch(States):
     @property
     def model(self) -> HandModel:
         return self.head.model
+
+    @property
+    def error(self) -> Array:
+        """(T, 21) of each observed joint to the fitted (raw) landmark [m], NaN if missing."""
+        return self.error_of(self.model)
 
     @property
     def settings(self) -> Mapping[str, Any]:

@@ -31,7 +31,7 @@ _SAME_M = 1e-5
 
 
 def same_hand(a: HandModel, b: HandModel) -> bool:
-    """Whether two models have the same joints, axes and limits."""
+    """Whether two models have the same joints, axes, limits and landmarks."""
     if a is b:
         return True
     pairs = (
@@ -39,6 +39,7 @@ def same_hand(a: HandModel, b: HandModel) -> bool:
         (a.axes, b.axes),
         (a.limits.lower, b.limits.lower),
         (a.limits.upper, b.limits.upper),
+        (a.landmark_offsets, b.landmark_offsets),
     )
     return a.hand == b.hand and all(np.array_equal(x, y) for x, y in pairs)
 

@@ -9,9 +9,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from handtrack.detectors.chosen import AUTO
 from handtrack.errors import InputError, ModelError
 from handtrack.hand.model import HandModel
-from handtrack.hand.reshape import reshaped
+from handtrack.hand.reshape import reshaped, without_landmarks
 from handtrack.sequences.sequence import Remark, Sequence
 from handtrack.tracking.sequence_track import track
 from handtrack.tracking.settings import TrackSettings
@@ -78,8 +79,11 @@ def as_stored(model: HandModel, stored: HandModel) -> HandModel:
     """
     if not np.array_equal(model.rest_joints, stored.rest_joints):
         model = reshaped(model, stored.rest_joints)
-    own = {name: getattr(stored, name) for name in ("axes", "limits", "thumb_twist", "shape")}
+    own = {name: getattr(stored, name) for name in _OWN}
     return replace(model, **own)
+
+
+_OWN = ("axes", "limits", "thumb_twist", "shape", "landmark_offsets")
 
 
 def retrack(
@@ -113,6 +117,10 @@ def retrack(
         model = stored.model
     given = settings.flat() if isinstance(settings, TrackSettings) else dict(settings or {})
     given |= options
+    if given.get("detector") == AUTO:
+        del given["detector"]
+    elif "detector" in given:
+        model = without_landmarks(model)
     wanted = TrackSettings.of({"calibrate": "none", **settings_of(stored), **given})
     result = track(input_of(stored), model, settings=wanted)
     first = int(stored.time_ns[0])

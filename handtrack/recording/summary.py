@@ -131,9 +131,10 @@ class HandSummary:
             return
         for status in STATUSES:
             self._counts[status] += int((part.status == status).sum())
-        for name, joints in (("observed", part.observed), ("truth", part.truth)):
-            if joints is not None:
-                self._errors[name].add(_frame_errors(part.fitted_joints, joints))
+        shown = part.landmarks_of(self._head.model)
+        self._errors["observed"].add(_frame_errors(shown, part.observed))
+        if part.truth is not None:
+            self._errors["truth"].add(_frame_errors(part.fitted_joints, part.truth))
         times = part.time_ns
         if self._first is None:
             self._first = int(times[0])

@@ -46,6 +46,8 @@ class Sequence:
         remarks: what was done to single frames, in order of time.
         timed: whether the source says how fast time goes; else a rate was assumed.
         numbered: whether `frame_index` is the source's; else frames were counted.
+        detector: name of the profile (`handtrack.detectors`) whose landmarks the joints are, where
+            the reader knows; else "".
 
     Raises:
         InputError: wrong shapes, no frames, no joint at all, infinite values, confidence
@@ -65,6 +67,7 @@ class Sequence:
     remarks: tuple[Remark, ...] = ()
     timed: bool = True
     numbered: bool = True
+    detector: str = ""
 
     def __post_init__(self) -> None:
         where = self.source or None

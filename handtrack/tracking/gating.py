@@ -212,7 +212,8 @@ class Gate:
         if self._last is None or time_ns - self._time_ns > self._patience_ns:
             return NONE
         results, t = self._last
-        distance = lengths(observed - results.joints[t])
+        marks = results.part(slice(t, t + 1)).landmarks(self._model)[0]
+        distance = lengths(observed - marks)
         reach = self._outlier + _JOINT_SPEED * 1e-9 * (time_ns - self._time_ns)
         return np.asarray((w > 0.0) & (distance > reach))
 

@@ -41,6 +41,7 @@ class Fitted(NamedTuple):
     """
 
     results: solver.Results
+    model: HandModel
     w: Array
     keep: Array
     rejected: Mask = NONE
@@ -64,7 +65,7 @@ class Fitted(NamedTuple):
 
     def distance(self, observed: Array) -> Array:
         """(21,) of the joints seen to their fitted ones [m]; 0 where missing."""
-        return lengths(self.results.joints[0] - observed)
+        return lengths(self.results.landmarks(self.model)[0] - observed)
 
 
 class Weeder:
@@ -80,7 +81,7 @@ class Weeder:
         targets, weights = observed[None].copy(), w[None].copy()
         start, least = self._model.mean_angles, self._min_joints
         results.run(self._program, self._model, targets, weights, kept, start, least)
-        return Fitted(results, weights[0], kept)
+        return Fitted(results, self._model, weights[0], kept)
 
     def weeded(self, observed: Array, w: Array, keep: Array, look: float, outlier: float) -> Fitted:
         """The fit without the joints that are outliers.

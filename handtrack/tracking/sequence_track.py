@@ -11,8 +11,12 @@ from handtrack.calibration.calibrate import calibrate
 from handtrack.calibration.explain import doubt, explain
 from handtrack.calibration.settings import CalibrationSettings
 from handtrack.deprecated import old_positions
+from handtrack.detectors.chosen import AUTO, chosen_profile
+from handtrack.detectors.profile import Profile
+from handtrack.detectors.profile_file import NO_PROFILE
 from handtrack.errors import InputError
 from handtrack.hand.model import HandModel
+from handtrack.hand.reshape import without_landmarks
 from handtrack.mcap.hand import Event, Head
 from handtrack.mcap.state import Stretch
 from handtrack.sequences.sequence import Sequence
@@ -65,13 +69,15 @@ def track(
             f"the model is a {model.hand} hand, the sequence a {sequence.hand} one",
             sequence.source or None,
         )
-    hand, found, notes = _subject(model, sequence, chosen.calibration)
+    model, profile = _seen_by(model, sequence, chosen)
+    hand, found, notes = _subject(model, sequence, chosen.calibration, profile)
     tracker = Tracker(hand, settings=chosen)
     told = {
         **chosen.to_dict(),
         "calibration": found,
         "limits": model.limits.name,
         "model": model.name,
+        **_detector_said(chosen, profile),
         **_input_said(sequence),
     }
 
@@ -109,14 +115,44 @@ def track(
     return track_of(stretches)
 
 
+def _seen_by(
+    model: HandModel, sequence: Sequence, settings: TrackSettings
+) -> tuple[HandModel, Profile | None]:
+    """The hand with the landmarks of the sequence's detector, and its profile.
+
+    Landmarks that a hand has already, as one from a recording or a file, stay.
+    """
+    if settings.detector == NO_PROFILE:
+        return without_landmarks(model), None
+    profile = chosen_profile(settings.detector, sequence.detector)
+    if profile is None or model.has_landmarks:
+        return model, profile
+    return profile.on(model), profile
+
+
+def _detector_said(settings: TrackSettings, profile: Profile | None) -> dict[str, str]:
+    if profile is None:
+        return {}
+    return {"detector": profile.name if settings.detector == AUTO else settings.detector}
+
+
 def _subject(
-    model: HandModel, sequence: Sequence, settings: CalibrationSettings
+    model: HandModel,
+    sequence: Sequence,
+    settings: CalibrationSettings,
+    profile: Profile | None,
 ) -> tuple[HandModel, dict[str, Any], list[str]]:
     """The hand to fit, what was found of it, and what the user should know."""
     notes = list(sequence.notes)
     if settings.by == "none":
         return model, {}, notes
-    calibration = calibrate(model, sequence, settings.by, frames=settings.frames)
+    calibration = calibrate(
+        model,
+        sequence,
+        settings.by,
+        frames=settings.frames,
+        noise=None if profile is None else profile.noise,
+    )
     notes += calibration.notes
     found = calibration.summary()
     if calibration.method in ("full", "lengths"):

@@ -116,9 +116,18 @@ class TrackSettings(TrackerSettings):
 
     Attributes:
         calibration: how the subject's hand is found in the sequence.
+        detector: whose landmarks the joints are: a profile's name or file, "none" where they are
+            joint centres, or "auto", what the reader says.
 
     Raises:
         SettingsError: a value makes no sense.
     """
 
     calibration: CalibrationSettings = CalibrationSettings()
+    detector: str = setting(
+        "auto",
+        "Whose landmarks the joints are: the reader's word (auto), mediapipe (one camera's world"
+        " landmarks), mediapipe-3d (triangulated), a profile's file, or none: joint centres.",
+        metavar="auto|none|NAME|PROFILE.json",
+        always=False,
+    )

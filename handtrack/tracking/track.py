@@ -98,6 +98,17 @@ class Track(States):
         )
 
     @property
+    def error(self) -> Array:
+        """(T, 21) of each observed joint to the fitted (raw) landmark [m], NaN if missing."""
+        return self.error_of(self.model)
+
+    @property
+    def landmarks(self) -> Array:
+        """(T, 21, 3) the detector's landmarks of the filtered poses [m]; the joints where the model
+        has none beside them."""
+        return self.landmarks_of(self.model, filtered=True)
+
+    @property
     def timed(self) -> bool:
         """Whether the source said how fast time goes; else a rate was assumed."""
         return "time" not in self._assumed

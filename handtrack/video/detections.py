@@ -72,6 +72,7 @@ class Detections:
                 frame_index=self.frame_index,
                 name=f"{name} {hand}" if len(found) > 1 else name,
                 source=self.source,
+                detector="mediapipe",
             )
             for hand in found
             if np.isfinite(self.world[hand]).all((1, 2)).any()

@@ -81,6 +81,7 @@ class Views:
             name=self.name,
             source=self.source,
             notes=self.notes,
+            detector="mediapipe" if len(self.cameras) == 1 else "mediapipe-3d",
         )
 
 

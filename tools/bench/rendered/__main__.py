@@ -11,6 +11,7 @@ from tools.bench.rendered.build import ROOT, Plan, found_share, make, plans, pla
 from tools.bench.rendered.layout import read_folder, write
 
 DATA = ROOT / "tests" / "data" / "rendered"
+SHIPPED = ROOT / "handtrack" / "detectors" / "data"
 SPLITS = ("tune", "holdout")
 
 
@@ -43,6 +44,8 @@ def main(arguments: list[str] | None = None) -> int:
         help="a row of one's own: settings of handtrack.track",
     )
     studying.add_argument("--quick", action="store_true", help="only the first three clips")
+    profiling = commands.add_parser("profile", help="make the profiles that ship")
+    profiling.add_argument("-o", "--out", type=Path, default=SHIPPED, help="folder")
     networks = commands.add_parser("networks", help="depth networks' predictions into clips")
     networks.add_argument("predictions", nargs="+", type=Path, metavar="PREDICTIONS.txt")
     networks.add_argument("--labels", type=Path, required=True, metavar="LABELS.txt")
@@ -57,6 +60,8 @@ def main(arguments: list[str] | None = None) -> int:
             sheet(options.out, options.clips)
         elif options.command == "networks":
             _networks(options)
+        elif options.command == "profile":
+            _profile(options)
         else:
             _study(options)
     except HandtrackError as error:
@@ -77,13 +82,21 @@ def _study(options: argparse.Namespace) -> None:
     with console.status("") as status:
         rows = study(
             clips[:3] if options.quick else clips,
-            lambda cases: chosen(cases, options.only, options.also),
+            lambda cases: chosen(cases, options.only, options.also, options.holdout),
             options.camera,
             status.update,
         )
     say(rows, console)
     if options.json:
         write_json(rows, options.json)
+
+
+def _profile(options: argparse.Namespace) -> None:
+    from tools.bench.rendered.cases import cases
+    from tools.bench.rendered.profiles import make_shipped
+
+    clips = read_folder(DATA / "tune")
+    make_shipped([case for clip in clips for case in cases(clip)], options.out, print)
 
 
 def _networks(options: argparse.Namespace) -> None:

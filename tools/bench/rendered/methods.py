@@ -16,6 +16,7 @@ from tools.bench.oracles import savgol
 from tools.bench.rendered.bones import learnt_offsets, moved_by
 from tools.bench.rendered.cases import Case
 from tools.bench.rendered.layout import Array
+from tools.bench.rendered.profiles import Profiles
 
 WINDOWS = (3, 5, 7, 9, 11, 13, 15, 19, 25)
 ORDERS = (0, 2, 4)
@@ -141,8 +142,30 @@ def offsets(all_cases: list[Case]) -> Method:
     return method
 
 
-def standard(all_cases: list[Case]) -> dict[str, Method]:
-    """The rows of the study's table, by name; raw first."""
+def profiled(profiles: Profiles, **settings: Any) -> Method:
+    """With a detector profile that does not know the subject."""
+    return lambda case: _of(ht.track(case.sequence, detector=profiles(case), **settings))
+
+
+def true_hand_profiled(profiles: Profiles, **settings: Any) -> Method:
+    """The same on the true subject's hand, only scaled: an oracle."""
+
+    def method(case: Case) -> Estimate:
+        if case.model is None:
+            return Estimate(np.full_like(case.joints, np.nan), None, "no true hand")
+        wanted = {"calibrate": False, "detector": profiles(case), **settings}
+        return _of(ht.track(case.sequence, case.model, **wanted))
+
+    return method
+
+
+def standard(all_cases: list[Case], shipped: bool = False) -> dict[str, Method]:
+    """The rows of the study's table, by name; raw first.
+
+    Args:
+        all_cases: profiles and offsets are learnt from the other subjects among them.
+        shipped: use the profiles that ship instead.
+    """
     rows: dict[str, Method] = {RAW: raw, "savitzky-golay, oracle": best_savgol}
     tracking = Tracking()
     rows["fit, calibrated"] = tracking.calibrated()
@@ -153,23 +176,32 @@ def standard(all_cases: list[Case]) -> dict[str, Method]:
     rows["rts, 3 x noise"] = tracking.louder(3.0, filter="rts")
     rows["rts, true hand (oracle)"] = on_true_hand(filter="rts")
     rows["constant offsets, no fit"] = offsets(all_cases)
+    profiles = Profiles(all_cases, shipped)
+    rows["fit, template, profile"] = profiled(profiles, calibrate=False)
+    rows["fit, calibrated, profile"] = profiled(profiles)
+    for name in ("fixed-lag", "rts"):
+        rows[f"{name}, calibrated, profile"] = profiled(profiles, filter=name)
+    rows["rts, true hand, profile (oracle)"] = true_hand_profiled(profiles, filter="rts")
     return rows
 
 
 def chosen(
-    all_cases: list[Case], only: Many[str] = (), also: Many[tuple[str, str]] = ()
+    all_cases: list[Case],
+    only: Many[str] = (),
+    also: Many[tuple[str, str]] = (),
+    shipped: bool = False,
 ) -> dict[str, Method]:
     """The standard rows of which a name holds one of some words, and rows of one's own; raw first.
 
     Args:
-        all_cases: as for `standard`.
+        all_cases, shipped: as for `standard`.
         only: words; all rows without any.
         also: name, and settings of `handtrack.track` as a JSON object.
 
     Raises:
         SettingsError: settings are no JSON object.
     """
-    rows = standard(all_cases)
+    rows = standard(all_cases, shipped)
     if only:
         rows = {n: m for n, m in rows.items() if n == RAW or any(word in n for word in only)}
     for name, text in also:

@@ -1,0 +1,51 @@
+"""What the frames of a clip are worth: errors that last do not average out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from handtrack.detectors.profile import Noise
+
+# errors of an unknown detector that are not new in every frame: half of them are taken to be
+# constant, half to fade after this [s]
+_FADES_S = 0.3
+# no hand is more rigid than this: what is left of one that is nearly found is no error [m]
+_RIGID = 1e-3
+
+MOST_STRETCHES = 4
+"""Errors that fade depend on the pose too, and poses come back, with their errors: no clip is worth
+more stretches than these."""
+
+
+def worth_of(
+    frames: int, span_s: float, deviation: float, left: float, noise: Noise | None
+) -> float:
+    """Information of a clip on its subject's constants, over what as many unrelated frames have.
+
+    A mean over frames of errors with a constant part c, a fading part f and a white part w has
+    the variance c^2 + f^2 / n_f + w^2 / n, with n_f = span / (2 tau) independent stretches.
+
+    Args:
+        frames: n, how many are looked at; span_s: from the first to the last [s].
+        deviation: of the joints from what the hand explains, per coordinate [m].
+        left: white noise among that [m].
+        noise: the detector's; where it is not known, what is not white is taken to last.
+
+    Returns:
+        In 0..1; 1 where all errors are white.
+    """
+    n = max(frames, 1)
+    if noise is None:
+        lasting = max(deviation**2 - left**2 - _RIGID**2, 0.0)
+        constant = fading = lasting / 2
+        white, fades = min(left, deviation) ** 2, _FADES_S
+    else:
+        constant, fading, white = (
+            float(np.square(part).mean()) for part in (noise.constant, noise.fading, noise.white)
+        )
+        fades = noise.fades_s
+    stretches = min(max(span_s / (2.0 * fades), 1.0), n, MOST_STRETCHES) if fades > 0 else n
+    total = constant + fading + white
+    if not total > 0:
+        return 1.0
+    return float(min(total / n / (constant + fading / stretches + white / n), 1.0))

@@ -1,0 +1,114 @@
+"""Detector profiles of the bench's clips: what ships, and each subject's from the others."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from collections.abc import Sequence as Many
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from handtrack.detectors.profile import IN_SPACE, Profile
+from handtrack.detectors.profile import ONE_CAMERA as ONE
+from handtrack.detectors.profile_file import save_profile
+from handtrack.errors import InputError
+from handtrack.evaluation.landmarks import Seen, estimate_profile
+from tools.bench.rendered.cases import ONE_CAMERA, TRIANGULATED, Case
+
+NAMES = {ONE_CAMERA: "mediapipe", TRIANGULATED: "mediapipe-3d"}
+"""The profiles that ship, by the bench's inputs."""
+_VIEW = np.array([0.0, 0.0, 1.0])
+
+
+def profile_of(cases: Many[Case], name: str) -> Profile:
+    """The profile that clips of one input show."""
+    first = cases[0]
+    kind = ONE if first.centred else IN_SPACE
+    seen = [
+        Seen.of(c.sequence, c.clip.truth_joints, c.model, _VIEW if c.centred else None)
+        for c in cases
+    ]
+    found = estimate_profile(seen, name, first.clip.detector or "mediapipe", kind)
+    subjects = len({c.clip.subject for c in cases})
+    return replace(found, evidence={**found.evidence, "subjects": subjects})
+
+
+class Profiles:
+    """For each case a profile that does not know its subject, as a file or by its name.
+
+    Args:
+        cases: of all clips.
+        shipped: take the profiles that ship, whose subjects are none of these.
+    """
+
+    def __init__(self, cases: Many[Case], shipped: bool = False) -> None:
+        self._cases, self._shipped = cases, shipped
+        self._made: dict[tuple[str, str], str] = {}
+
+    @cached_property
+    def _folder(self) -> tempfile.TemporaryDirectory[str]:
+        return tempfile.TemporaryDirectory()
+
+    def __call__(self, case: Case) -> str:
+        """What `detector` is for a case.
+
+        Raises:
+            InputError: no other subject is there.
+        """
+        if self._shipped:
+            return NAMES.get(case.input, "none")
+        key = case.input, case.clip.subject
+        if key not in self._made:
+            others = [
+                c
+                for c in self._cases
+                if c.input == case.input and c.clip.subject != case.clip.subject
+            ]
+            if not others:
+                raise InputError(f"{case.clip.name}: no other subject to learn a profile from")
+            path = Path(self._folder.name) / f"{NAMES.get(case.input, 'own')}-{key[1]}.json"
+            save_profile(profile_of(others, path.stem), path)
+            self._made[key] = str(path)
+        return self._made[key]
+
+
+def make_shipped(cases: Many[Case], folder: Path, say: Callable[[str], None]) -> None:
+    """Write the profiles that ship, with their evidence.
+
+    Args:
+        cases: of the clips to tune on.
+        folder: handtrack/detectors/data.
+        say: told what was found.
+    """
+    for given, name in NAMES.items():
+        mine = [c for c in cases if c.input == given]
+        found = profile_of(mine, name)
+        loose = _unknown_subjects(mine)
+        evidence: dict[str, Any] = {
+            **found.evidence,
+            "from": "tools/bench/rendered, clips to tune on: drawn hands, MediaPipe in video mode",
+            "other_subjects_with_mm": loose,
+        }
+        save_profile(replace(found, evidence=evidence), folder / f"{name}.json")
+        say(f"{name}: {evidence}")
+
+
+def _unknown_subjects(cases: Many[Case]) -> float:
+    """Mean distance of landmarks to where the other subjects' offsets expect them [mm]."""
+    from handtrack.evaluation.landmarks import errors_of, offsets_of
+
+    kind = ONE if cases[0].centred else IN_SPACE
+    seen = {c.clip.name: Seen.of(c.sequence, c.clip.truth_joints, c.model) for c in cases}
+    off = []
+    for subject in sorted({c.clip.subject for c in cases}):
+        others = [seen[c.clip.name] for c in cases if c.clip.subject != subject]
+        offsets = offsets_of(others, kind)
+        for c in cases:
+            if c.clip.subject == subject:
+                errors = errors_of(seen[c.clip.name], offsets, kind).off
+                off.append(float(np.linalg.norm(errors, axis=-1).mean()))
+    return round(1e3 * float(np.mean(off)), 2)
