@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handtrack.cli.helping import Command
 from handtrack.cli.inputs import Reading, Truths, reading_options
 from handtrack.cli.options import json_option, quiet_option
 from handtrack.cli.outputs import check_target
@@ -19,7 +20,10 @@ if TYPE_CHECKING:
     from handtrack.evaluation.landmarks import Seen
 
 
-@click.command(short_help="Find how a detector's landmarks lie about the joints, from the truth.")
+@click.command(
+    cls=Command,
+    short_help="Find how a detector's landmarks lie about the joints, from the truth.",
+)
 @click.argument("detections", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "--truth",
