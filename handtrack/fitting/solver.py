@@ -199,12 +199,14 @@ class Results:
         Raises:
             InputError: a joint is infinite, or a weight negative or not finite.
         """
+        if start.flags.writeable:  # one type of argument, or the loop is compiled once more
+            start = read_only(start)
         wrong = frames.fit_frames(
             constants(model),
             program.contacts(model),
             program.solvers,
             (*program.settings, min_joints, int(alone)),
-            read_only(start),  # always, or the loop is compiled once more
+            start,
             keep,
             targets,
             weights,
