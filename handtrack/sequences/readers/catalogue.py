@@ -232,11 +232,12 @@ FORMATS: tuple[Format, ...] = (
     ),
     Format(
         "Leap Motion",
-        "LeapJS playback .json; no wrist",
+        "LeapJS playback .json (no wrist); frames of Ultraleap's service, digits of bones from"
+        " `prev_joint` to `next_joint`",
         "by name",
         "mm",
         "both",
-        "`frames` in the JSON",
+        "`frames` in the JSON, `prev_joint`",
     ),
     Format(
         "LeRobot, Parquet",

@@ -23,7 +23,7 @@ from typing import Any
 import msgspec
 
 from handtrack.errors import InputError
-from handtrack.sequences.readers import hot3d, visionpro
+from handtrack.sequences.readers import hot3d, ultraleap, visionpro
 from handtrack.sequences.readers.both_hands import of_sides, two_hands
 from handtrack.sequences.readers.fields import as_frames, from_fields
 from handtrack.sequences.readers.found import CONTAINERS, MOST_NAMES, hands_in
@@ -84,6 +84,8 @@ def _of_source(values: list[Any], places: Items[str], path: Path) -> list[Raw] |
             return hot3d.read_lines(values, places, path)
         if visionpro.is_frame(first):
             return visionpro.read_lines(values, places, path)
+    if ultraleap.any_in(values):
+        return ultraleap.read_frames(values, places, path)
     return None
 
 
@@ -148,7 +150,10 @@ def _are_frames(value: list[Any]) -> bool:
 
 
 def _frames(values: list[Any], path: Path, about: dict[str, Any]) -> list[Raw]:
-    return read_records(values, Places("frame", range(len(values))), path, about)
+    places = Places("frame", range(len(values)))
+    if ultraleap.any_in(values):
+        return ultraleap.read_frames(values, places, path, about)
+    return read_records(values, places, path, about)
 
 
 def _object(value: dict[str, Any], path: Path) -> list[Raw]:
@@ -163,7 +168,7 @@ def _object(value: dict[str, Any], path: Path) -> list[Raw]:
             raise InputError("frames is empty", path)
         if not isinstance(frames, list) or not any(isinstance(f, dict) for f in frames):
             continue
-        if not are_points(frames) and any(hands_in(f) for f in frames):
+        if not are_points(frames) and (ultraleap.any_in(frames) or any(map(hands_in, frames))):
             return _frames(frames, path, value)
     numbered = _numbered(value)
     if numbered:
