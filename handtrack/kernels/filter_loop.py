@@ -36,11 +36,19 @@ def load_hand(w, hand, settings):
 @inline
 def keep_prediction(s, kept):
     """What a smoother needs of a prediction; its measurement is still to come."""
+    keep_pose_only(s, kept)
+    for i in range(N_POSE):
+        for j in range(N_POSE):
+            kept.pose_speed[i, j] = s.pose_speed[i, j]
+
+
+@inline
+def keep_pose_only(s, kept):
+    """The part of it that does not depend on what else the state holds."""
     copy_pose(s, kept)
     for i in range(N_POSE):
         for j in range(N_POSE):
-            kept.pose_pose[i, j], kept.pose_speed[i, j] = s.pose_pose[i, j], s.pose_speed[i, j]
-            kept.information[i, j] = 0.0
+            kept.pose_pose[i, j], kept.information[i, j] = s.pose_pose[i, j], 0.0
         kept.f01[i], kept.f11[i] = s.f01[i], s.f11[i]
         kept.q00[i], kept.q01[i], kept.q11[i] = s.q00[i], s.q01[i], s.q11[i]
         kept.pull[i] = 0.0
@@ -79,7 +87,7 @@ def filter_frames(
             predict(s)
         if keep and kind != NOTHING:
             keep_prediction(s, kept[t])
-        if _measure(s, works, solver, settings, frame, notes[t]):
+        if see(s, works, solver, settings, frame, notes[t]):
             if keep:
                 rest = update(s, settings[0], keep, kept[t].information, kept[t].pull)
             else:
@@ -92,14 +100,22 @@ def filter_frames(
 
 
 @inline
-def _before(s, works, solver, settings, motion, now, frame, note):
-    (process, grid), (targets, weights, raw), follow = motion, frame, settings[1]
+def enter(s, settings, process, now, raw, note):
+    """What a frame's time means (see `pass_time`); the densities as given."""
     if raw[OUT_ANEW] > 0.0:
         s.known = 0
     kind = pass_time(s, settings, process, now, raw[OUT_NOISE])
     note.kind, note.likelihood, note.noise = kind, 0.0, s.noise
     for i in range(N_POSE):
         s.density[i] = process[DENSITY, i]
+    return kind
+
+
+@inline
+def _before(s, works, solver, settings, motion, now, frame, note):
+    (process, grid), (targets, weights, raw), follow = motion, frame, settings[1]
+    s.white = 1.0
+    kind = enter(s, settings, process, now, raw, note)
     if kind == BEGUN:
         begin(works[0], solver, s, targets, weights, raw, process[FIRST])
         if follow:
@@ -112,7 +128,8 @@ def _before(s, works, solver, settings, motion, now, frame, note):
 
 
 @inline
-def _measure(s, works, solver, settings, frame, note):
+def see(s, works, solver, settings, frame, note):
+    """What a frame says (see `measure_frame`); whether it says anything."""
     (targets, weights, raw), coupled = frame, settings[0]
     some = math.isfinite(raw[OUT_NOISE])
     if coupled:
@@ -155,7 +172,7 @@ def measure(states, hand, solver, settings, targets, weights, raw, notes):
     """What comes between prediction and update (see `measure_frame`); whether there is one."""
     works, frame = np.zeros(1, dtype=WORK), (targets, weights, raw)
     load_hand(works[0], hand, settings)
-    return _measure(states[0], works, solver, settings, frame, notes[0])
+    return see(states[0], works, solver, settings, frame, notes[0])
 
 
 @kernel

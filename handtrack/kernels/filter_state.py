@@ -2,7 +2,8 @@
 
 The state holds a pose, 26 numbers with a small turn of the world away from a reference that is
 moved along, so that there is no wrap-around; their velocities; and the covariance of both as
-three blocks of 26 x 26.
+three blocks of 26 x 26. Where the joints' noise lasts, what it does to the pose is in the state
+too: the drift (see `coloured`).
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ from handtrack.kernels.workspace import N_ANGLES, N_POSE
 
 # filters of the bank that learns the motion's noise (see `motion_noise`)
 BANK = 7
+# what a state with drift holds beside its pose: velocities, then the drift (see `coloured`)
+REST = 2 * N_POSE
 # what happened to a frame
 NOTHING, PREDICTED, UPDATED, BEGUN = range(4)
 
@@ -46,13 +49,11 @@ _MOTION: _Fields = [
     ("q01", "f8", _ROW),
     ("q11", "f8", _ROW),
 ]
-_STATE: _Fields = [
+_COMMON: _Fields = [
     *_POSE,
     ("velocity", "f8", _ROW),
-    # the covariance's blocks: poses, poses with velocities, velocities
+    # the covariance of poses
     ("pose_pose", "f8", _PAIR),
-    ("pose_speed", "f8", _PAIR),
-    ("speed_speed", "f8", _PAIR),
     # whether there is a state; the last frame's time, and the last fitted one's
     ("known", "i8", ()),
     ("time_ns", "i8", ()),
@@ -61,6 +62,8 @@ _STATE: _Fields = [
     ("noise", "f8", ()),
     ("noise_count", "f8", ()),
     ("fade", "f8", ()),
+    # what part of that variance is new in every frame
+    ("white", "f8", ()),
     # the motion since the last frame, and the densities of its noise
     *_MOTION,
     ("density", "f8", _ROW),
@@ -95,20 +98,77 @@ _STATE: _Fields = [
     ("work", "f8", _PAIR),
     ("work_2", "f8", _PAIR),
 ]
-_KEPT: _Fields = [
-    # of a frame: its motion, the predicted pose, blocks of the predicted covariance
+_STATE: _Fields = [
+    *_COMMON,
+    # further blocks of the covariance: poses with velocities, velocities
+    ("pose_speed", "f8", _PAIR),
+    ("speed_speed", "f8", _PAIR),
+]
+_DRIFTING: _Fields = [
+    *_COMMON,
+    # the drift; further blocks of the covariance: poses with the rest, the rest
+    ("drift", "f8", _ROW),
+    ("pose_rest", "f8", (N_POSE, REST)),
+    ("rest_rest", "f8", (REST, REST)),
+    # the joints' noise that lasts: its share; what part of residuals is not their mean; its
+    # variance over that of `noise`, and how long it lasts [s]
+    ("share", "f8", ()),
+    ("moving", "f8", ()),
+    ("colour", "f8", ()),
+    ("lasts", "f8", ()),
+    # what the share is learnt from (see `colour`): what a joint's residual is on the whole and
+    # of how many frames, what it was in the last frame, if any; sums of their products
+    ("usual", "f8", (21, 3)),
+    ("usual_count", "f8", (21,)),
+    ("residual", "f8", (21, 3)),
+    ("had", "i8", (21,)),
+    ("pairs", "f8", ()),
+    ("products", "f8", ()),
+    ("squares", "f8", ()),
+    ("whole", "f8", ()),
+    # what of the drift stays until the frame, and what share of its deviation is new; its
+    # covariance; that of a pose for unit noise of the joints, and how many they were
+    ("stays", "f8", _ROW),
+    ("renewed", "f8", _ROW),
+    ("spread", "f8", _PAIR),
+    ("unit", "f8", _PAIR),
+    ("unit_seen", "i8", ()),
+    # joints of each finger that the last frame had
+    ("fingers_seen", "i8", (5,)),
+    # the bank: its filters' drifts and their covariances
+    ("bank_c", "f8", _BANK),
+    ("bank_xc", "f8", _BANK),
+    ("bank_vc", "f8", _BANK),
+    ("bank_cc", "f8", _BANK),
+    ("wide", "f8", (N_POSE, REST)),
+    ("wide_2", "f8", (N_POSE, REST)),
+]
+_SEEN: _Fields = [
+    # of a frame: its motion, the predicted pose, its predicted covariance
     *_MOTION,
     *_POSE,
     ("pose_pose", "f8", _PAIR),
-    ("pose_speed", "f8", _PAIR),
     # H^T S^-1 H and H^T S^-1 z of its measurement
     ("information", "f8", _PAIR),
     ("pull", "f8", _ROW),
 ]
+_KEPT: _Fields = [*_SEEN, ("pose_speed", "f8", _PAIR)]
+_KEPT_DRIFTING: _Fields = [
+    *_SEEN,
+    ("pose_rest", "f8", (N_POSE, REST)),
+    # the predicted drift, the rows of its covariance with the rest, and how much of it stays
+    ("drift", "f8", _ROW),
+    ("drift_rest", "f8", (N_POSE, REST)),
+    ("stays", "f8", _ROW),
+]
 
 FILTER = np.dtype(_STATE, align=True)
+DRIFTING = np.dtype(_DRIFTING, align=True)
+"""A state with drift."""
 KEPT = np.dtype(_KEPT, align=True)
 """What a smoother needs of a frame."""
+KEPT_DRIFTING = np.dtype(_KEPT_DRIFTING, align=True)
+"""The same of a state with drift."""
 NOTE = np.dtype([("kind", "i8"), ("likelihood", "f8"), ("noise", "f8")], align=True)
 """What happened to a frame, its log likelihood [nats], the joints' noise variance [m^2]."""
 

@@ -86,10 +86,10 @@ def correct_raw(s):
 
 
 @inline
-def update(s, coupled, keep, information, pull):
-    """Take in what `measure_frame` found, by the inverses of covariances.
+def take_in(s, coupled, keep, information, pull):
+    """What `measure_frame` found as the pose's covariance in `posterior`, by inverses.
 
-    (33) P+ = (P^-1 + M)^-1; the velocities follow by their regression on the pose.
+    (33) P+ = (P^-1 + M)^-1; the rest of the state follows by its regression on the pose.
 
     Args:
         keep: whether to leave H^T S^-1 H and H^T S^-1 z in information and pull, for a smoother.
@@ -117,13 +117,26 @@ def update(s, coupled, keep, information, pull):
             pull[i] = s.pull[i]
         divide(s.factor, s.work)
         subtract_square(s.work, information)
-    update_velocities(s)
+    # the objective had the prior's distance where the innovation's belongs
+    return 0.5 * (log - surplus)
+
+
+@inline
+def take_pose(s, coupled):
+    """Move the state's pose to what was found."""
     if coupled:
         set_pose(s, s.best_angles, s.best_root)
     else:
         move_pose(s, s.distance)
-    # the objective had the prior's distance where the innovation's belongs
-    return 0.5 * (log - surplus)
+
+
+@inline
+def update(s, coupled, keep, information, pull):
+    """Take in what `measure_frame` found; arguments and result as of `take_in`."""
+    less = take_in(s, coupled, keep, information, pull)
+    update_velocities(s)
+    take_pose(s, coupled)
+    return less
 
 
 @inline
@@ -152,6 +165,17 @@ def update_velocities(s):
 @inline
 def begin(w, solver, s, targets, weights, raw, speed):
     """Start from a raw fit; the velocities are zero, with variances `speed`."""
+    start_pose(w, solver, s, targets, weights, raw)
+    for i in range(N_POSE):
+        s.velocity[i] = 0.0
+        for j in range(N_POSE):
+            s.pose_speed[i, j] = s.speed_speed[i, j] = 0.0
+        s.speed_speed[i, i] = speed[i]
+
+
+@inline
+def start_pose(w, solver, s, targets, weights, raw):
+    """The pose of a raw fit and its covariance."""
     set_pose(s, raw[OUT_ANGLES:OUT_ROOT], raw[OUT_ROOT:OUT_QUATERNION])
     _, top = count_seen(weights)
     load_frame(w, targets, weights, top)
@@ -159,12 +183,9 @@ def begin(w, solver, s, targets, weights, raw, speed):
     w.full = 1
     call(solver, w)
     for i in range(N_POSE):
-        s.velocity[i] = 0.0
         for j in range(N_POSE):
-            s.system[i, j] = top / s.noise * w.information[i, j]
-            s.pose_speed[i, j] = s.speed_speed[i, j] = 0.0
+            s.system[i, j] = top / (s.white * s.noise) * w.information[i, j]
         s.system[i, i] += VAGUE
-        s.speed_speed[i, i] = speed[i]
     factor(s.system, s.factor)
     invert(s.factor, s.work, s.pose_pose)
     s.known = 1

@@ -168,7 +168,7 @@ def measure_frame(w, solver, s, targets, weights, raw, coupled):
     Returns the objective less the prior's normalisation [nats].
     """
     _, top = count_seen(weights)
-    precision = top / s.noise
+    precision = top / (s.white * s.noise)
     load_frame(w, targets, weights, top)
     log = factor(s.pose_pose, s.factor)
     invert(s.factor, s.work, s.precision)

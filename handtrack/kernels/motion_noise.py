@@ -83,11 +83,7 @@ def learn(s, grid, process):
     Args:
         grid: (3, K) factors on the expected densities, their logarithmic prior, their logarithms.
     """
-    for i in range(N_POSE):
-        before = s.before[i]
-        gain = max(1.0 - s.pose_pose[i, i] / before, 1e-6)
-        s.innovation[i] = s.distance[i] / gain
-        s.before[i] = before / gain - before
+    as_scalars(s)
     for k in range(BANK):
         for i in range(N_POSE):
             v = s.bank_xx[k, i] + s.before[i]
@@ -98,9 +94,32 @@ def learn(s, grid, process):
             s.bank_vv[k, i] -= gv * s.bank_xv[k, i]
             s.bank_xv[k, i] *= 1.0 - gx
             s.bank_xx[k, i] *= 1.0 - gx
-            # one stray frame is no evidence of wild motion
-            misfit = math.log(v) + min(e * e / v, FAR)
-            s.bank_log[k, i] = s.fade * s.bank_log[k, i] - 0.5 * misfit
+            s.bank_log[k, i] = s.fade * s.bank_log[k, i] - 0.5 * misfit(e, v)
+    draw_lesson(s, grid, process)
+
+
+@inline
+def as_scalars(s):
+    """(37) The update as scalar measurements: innovations, and their variances in `before`."""
+    for i in range(N_POSE):
+        before = s.before[i]
+        gain = max(1.0 - s.pose_pose[i, i] / before, 1e-6)
+        s.innovation[i] = s.distance[i] / gain
+        s.before[i] = before / gain - before
+
+
+@inline
+def misfit(e, v):
+    """How badly an innovation of variance v was predicted [2 nats].
+
+    One stray frame is no evidence of wild motion.
+    """
+    return math.log(v) + min(e * e / v, FAR)
+
+
+@inline
+def draw_lesson(s, grid, process):
+    """The densities by the weights of the bank's filters."""
     for i in range(N_POSE):
         s.learnt[i] = process[DENSITY, i] * math.exp(mean_log_factor(s, grid, i))
 

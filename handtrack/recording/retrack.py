@@ -67,7 +67,10 @@ def settings_of(stored: Track) -> dict[str, Any]:
     """
     known = TrackSettings.known()
     names = [name for name in stored.settings if name in known and name != "calibrate"]
-    return {name: _typed(stored, name, known[name].kind) for name in names}
+    # who made it before noise could last took it for white
+    return {"noise_colour": "white"} | {
+        name: _typed(stored, name, known[name].kind) for name in names
+    }
 
 
 def as_stored(model: HandModel, stored: HandModel) -> HandModel:

@@ -12,7 +12,14 @@ import numpy as np
 
 from handtrack.hand.model import HandModel
 from handtrack.kernels.frame_loop import OUT_SIZE
-from handtrack.tracking.kalman import FixedLagFilter, Frames, KalmanFilter, Smoother, Steadied
+from handtrack.tracking.filter_input import Frames
+from handtrack.tracking.kalman import (
+    DriftingFilter,
+    FixedLagFilter,
+    KalmanFilter,
+    Smoother,
+    Steadied,
+)
 from handtrack.tracking.one_euro import OneEuroFilter
 from handtrack.tracking.settings import TrackerSettings
 
@@ -47,10 +54,12 @@ def make_filter(settings: TrackerSettings, model: HandModel) -> PoseFilter | Non
         from handtrack.tracking.reference import FilterPyFilter
 
         kind = FilterPyFilter
-    made = kind(model, settings)
-    if wanted.name == "fixed-lag":
-        return FixedLagFilter(made, wanted.lag)
-    return Smoother(made, settings) if wanted.name == "rts" else made
+    white = wanted.noise_colour == "white" or wanted.engine == "filterpy"
+    if wanted.name == "rts":
+        drifting = None if white else DriftingFilter(model, settings)
+        return Smoother(kind(model, settings), settings, drifting)
+    made = kind(model, settings) if white else DriftingFilter(model, settings)
+    return FixedLagFilter(made, wanted.lag) if wanted.name == "fixed-lag" else made
 
 
 def warm_up(settings: TrackerSettings) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 from handtrack.fitting import solver
 from handtrack.fitting.settings import LOSSES
 from handtrack.hand.model import HandModel
+from handtrack.kernels import drift_loop, drift_smoother, filter_loop, smoother
 from handtrack.kernels import evidence as motion
-from handtrack.kernels import filter_loop, smoother
-from handtrack.kernels.filter_state import FILTER, KEPT, NOTE, NOTHING
+from handtrack.kernels.filter_state import DRIFTING, FILTER, KEPT, KEPT_DRIFTING, NOTE, NOTHING
 from handtrack.kernels.frame_loop import OUT_NOISE, OUT_SIZE
 from handtrack.kernels.information import information
 from handtrack.kernels.kalman import LEAST_NOISE
 from handtrack.tracking import process_noise
+from handtrack.tracking.colour import LASTS_S, lasting_share
+from handtrack.tracking.filter_input import Frames
 from handtrack.tracking.process_noise import N_POSE
 from handtrack.tracking.settings import TrackerSettings
 
@@ -31,27 +33,10 @@ are known."""
 _NOISE_GAIN = 0.02
 # frames that are smoothed at once, and those after them that are looked at as well [frames]
 _WINDOW, _BEYOND = 1024, 256
+# for how long a smoother that follows the motion's noise remembers it [s]
+_FORGET_S = 0.5
 # stretches that the motion's noise is learnt from, and their length [frames]
 _STRETCHES, _STRETCH = 3, 300
-
-
-class Frames(NamedTuple):
-    """Frames and their raw fits.
-
-    Attributes:
-        times_ns: (T,) increasing [ns].
-        joints: (T, 21, 3) [m]; weights: (T, 21), 0 where a joint is missing.
-        raw: (T, OUT_SIZE) rows of `solver.Results`, NaN where nothing is fitted.
-    """
-
-    times_ns: NDArray[np.int64]
-    joints: Array
-    weights: Array
-    raw: Array
-
-    def part(self, of: slice) -> Frames:
-        """Some of the frames."""
-        return Frames(self.times_ns[of], self.joints[of], self.weights[of], self.raw[of])
 
 
 class KalmanFilter:
@@ -64,6 +49,12 @@ class KalmanFilter:
     trusted less. Coupled, its pose is the one that fits the joints and the prediction best,
     under the limits (maximum a posteriori); else it is the raw fit.
     """
+
+    # what holds the state, and what a smoother needs of a frame; the compiled functions
+    record, kept = FILTER, KEPT
+    _filter = staticmethod(filter_loop.filter_frames)
+    smooth = staticmethod(smoother.smooth_frames)
+    smooth_lagged = staticmethod(smoother.lag_frames)
 
     def __init__(self, model: HandModel, settings: TrackerSettings):
         """Args:
@@ -89,7 +80,7 @@ class KalmanFilter:
 
     def reset(self) -> None:
         """Forget everything."""
-        self._state = np.zeros(1, FILTER)
+        self._state = np.zeros(1, self.record)
 
     def advance(self, frames: Frames) -> Steadied:
         """Take in the next frames.
@@ -118,7 +109,7 @@ class KalmanFilter:
         """Rows (T, OUT_SIZE) and notes (T,), as `filter_frames` has them."""
         n = len(frames.raw)
         out, notes = np.full((n, OUT_SIZE), np.nan), np.zeros(n, NOTE)
-        filter_loop.filter_frames(
+        self._filter(
             self._state,
             *self.with_model,
             (self._process, self._grid),
@@ -126,12 +117,37 @@ class KalmanFilter:
             out,
             notes,
             int(kept is not None),
-            _NONE_KEPT if kept is None else kept,
+            np.zeros(0, self.kept) if kept is None else kept,
         )
         return out, notes
 
 
-_NONE_KEPT = np.zeros(0, KEPT)
+class DriftingFilter(KalmanFilter):
+    """As `KalmanFilter`, where some of the joints' noise lasts (see `kernels.drift`).
+
+    Attributes:
+        share: of the noise, how much lasts; negative to follow it.
+        moving: what part of the residuals is not their mean.
+        lasts_s: for how long, to 1/e [s].
+    """
+
+    record, kept = DRIFTING, KEPT_DRIFTING
+    _filter = staticmethod(drift_loop.filter_drifting_frames)
+    smooth = staticmethod(drift_smoother.smooth_drifting_frames)
+    smooth_lagged = staticmethod(drift_smoother.lag_drifting_frames)
+
+    def __init__(self, model: HandModel, settings: TrackerSettings):
+        """As `KalmanFilter`."""
+        super().__init__(model, settings)
+        said = settings.filter.noise_colour
+        self.share, self.moving = -1.0, 1.0
+        self.lasts_s = LASTS_S if isinstance(said, str) else float(said)
+
+    @property
+    def with_model(self) -> tuple[Any, int, tuple[Any, ...]]:
+        """As `KalmanFilter`."""
+        hand, address, settings = super().with_model
+        return hand, address, (*settings, self.share, self.moving, self.lasts_s)
 
 
 def _no_frames() -> Steadied:
@@ -152,16 +168,16 @@ class FixedLagFilter:
     def reset(self) -> None:
         """Forget everything."""
         self._kalman.reset()
-        self._kept, self._notes = np.zeros(0, KEPT), np.zeros(0, NOTE)
+        self._kept, self._notes = np.zeros(0, self._kalman.kept), np.zeros(0, NOTE)
 
     def advance(self, frames: Frames) -> Steadied:
         """As `KalmanFilter.advance`."""
-        kept = np.concatenate([self._kept, np.zeros(len(frames.raw), KEPT)])
+        kept = np.concatenate([self._kept, np.zeros(len(frames.raw), self._kalman.kept)])
         notes = self._kalman._run(frames, kept[len(self._kept) :])[1]
         notes = np.concatenate([self._notes, notes])
         ready = max(len(notes) - self.lag, 0)
         out = np.full((ready, OUT_SIZE), np.nan)
-        smoother.lag_frames(*self._kalman.with_model, self.lag, notes, kept, out)
+        self._kalman.smooth_lagged(*self._kalman.with_model, self.lag, notes, kept, out)
         self._kept, self._notes = kept[ready:], notes[ready:]
         return out, notes["kind"][:ready] != NOTHING
 
@@ -169,7 +185,7 @@ class FixedLagFilter:
         """As `KalmanFilter.finish`."""
         notes, kept = self._notes, self._kept
         out = np.full((len(notes), OUT_SIZE), np.nan)
-        smoother.smooth_frames(*self._kalman.with_model, 0, len(notes), notes, kept, out)
+        self._kalman.smooth(*self._kalman.with_model, 0, len(notes), notes, kept, out)
         self.reset()
         return out, notes["kind"] != NOTHING
 
@@ -177,16 +193,25 @@ class FixedLagFilter:
 class Smoother:
     """Rauch, Tung and Striebel's smoother: results come when the sequence is finished.
 
-    The joints' noise, and the motion's unless it is given, are learnt from the whole sequence.
+    The joints' noise, and the motion's unless it is given, are learnt from the whole sequence;
+    where noise lasts, the motion's is followed: one for all frames would take bursts of noise
+    for motion.
     A gap is bridged from both its sides: it may last twice as long as a filter coasts. Long
     sequences are smoothed in windows that look far beyond their end.
     """
 
-    def __init__(self, kalman: KalmanFilter, settings: TrackerSettings):
+    def __init__(
+        self,
+        kalman: KalmanFilter,
+        settings: TrackerSettings,
+        drifting: DriftingFilter | None = None,
+    ):
         """Args:
         kalman: the filter.
         settings: how to track.
+        drifting: the filter where the joints' noise lasts; None to take it for white.
         """
+        self._white, self._drifting = kalman, drifting
         self._kalman, self._learn = kalman, settings.filter.process_noise == "auto"
         self._process, self._settings = kalman._process, kalman._settings
         self.reset()
@@ -206,19 +231,28 @@ class Smoother:
         if not self._parts:
             return _no_frames()
         inputs = Frames(*(np.concatenate(x) for x in zip(*self._parts, strict=True)))
-        kalman, (coupled, _, noise, gain, coast_ns, *rest) = self._kalman, self._settings
+        coupled, _, noise, gain, coast_ns, forget_s, *rest = self._settings
         shown = inputs.raw[:, OUT_NOISE]
         if not noise and np.isfinite(shown).any():
             noise = max(float(np.nanmedian(shown)), LEAST_NOISE)
+        share = 0.0
+        if self._drifting is not None:
+            share, moving = lasting_share(inputs, self._drifting.lasts_s)
+            self._drifting.share, self._drifting.moving = share, moving
+        follow = self._learn and share > 0.0
+        if self._drifting is not None and share > 0.0:
+            self._kalman, forget_s = self._drifting, _FORGET_S
+        kalman = self._kalman
         try:
-            kalman._settings = (coupled, 0, noise, gain, 2 * coast_ns, *rest)
-            if self._learn:
+            kalman._settings = (coupled, int(follow), noise, gain, 2 * coast_ns, forget_s, *rest)
+            if self._learn and not follow:
                 kalman._process = process_noise.process(self._learnt(inputs))
             out, known = self._smoothed(inputs)
         finally:
             # as new, whatever stopped it (Ctrl-C, no memory)
             kalman._process, kalman._settings = self._process, self._settings
             self.reset()
+            self._kalman = self._white
         known &= _within_reach(inputs, coast_ns)
         out[~known] = np.nan
         return out, known
@@ -229,7 +263,7 @@ class Smoother:
         count = min(_STRETCHES, -(-n // _STRETCH))
         begins = np.linspace(0, max(n - _STRETCH, 0), count).astype(int)
         climber, work = process_noise.Climber(), np.zeros((motion.MATRICES, N_POSE, N_POSE))
-        kept = np.zeros(min(n, _STRETCH), KEPT)
+        kept = np.zeros(min(n, _STRETCH), self._kalman.kept)
         while True:
             self._kalman._process = process_noise.process(climber.density)
             likelihood, evidence = 0.0, np.zeros((2, N_POSE))
@@ -247,7 +281,7 @@ class Smoother:
         kalman = self._kalman
         kalman.reset()
         out, known = np.full((n, OUT_SIZE), np.nan), np.zeros(n, dtype=np.bool_)
-        kept = np.zeros(min(n, _WINDOW + _BEYOND), KEPT)
+        kept = np.zeros(min(n, _WINDOW + _BEYOND), kalman.kept)
         for begin in range(0, n, _WINDOW):
             last, end = min(begin + _WINDOW, n), min(begin + _WINDOW + _BEYOND, n)
             notes = np.empty(end - begin, NOTE)
@@ -257,7 +291,7 @@ class Smoother:
                 notes[place] = kalman._run(part, kept[place])[1]
                 if b == last:
                     at_last = kalman._state.copy()
-            smoother.smooth_frames(
+            kalman.smooth(
                 *kalman.with_model, 0, last - begin, notes, kept[: end - begin], out[begin:last]
             )
             known[begin:last] = notes["kind"][: last - begin] != NOTHING

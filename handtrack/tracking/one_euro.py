@@ -9,7 +9,8 @@ from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import matrix_to_quaternion, matrix_to_vector, vector_to_matrix
 from handtrack.hand.skeleton import N_ANGLES
 from handtrack.kernels import frame_loop as rows
-from handtrack.tracking.kalman import Frames, Steadied
+from handtrack.tracking.filter_input import Frames
+from handtrack.tracking.kalman import Steadied
 from handtrack.tracking.process_noise import N_POSE
 
 Array = NDArray[np.float64]

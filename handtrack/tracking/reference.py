@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from handtrack.kernels import filter_loop as kernels
 from handtrack.kernels.filter_state import NOTE
 from handtrack.kernels.frame_loop import OUT_SIZE
-from handtrack.tracking.kalman import Frames, KalmanFilter, Records
+from handtrack.tracking.filter_input import Frames
+from handtrack.tracking.kalman import KalmanFilter, Records
 from handtrack.tracking.process_noise import N_POSE
 
 Array = NDArray[np.float64]

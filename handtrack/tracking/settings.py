@@ -25,9 +25,12 @@ class FilterSettings(Settings):
             its results come `lag` frames later; "rts": smoothed by the whole sequence.
         lag: frames that "fixed-lag" waits.
         process_noise: "auto", learnt from the motion, or a factor on the usual accelerations.
+        noise_colour: "white" where the joints' noise is new in every frame, or how long some of it
+            lasts [s] (Kalman filters). How much does is seen in what the fits leave; "auto" is
+            `colour.LASTS_S` for it.
         couple: whether the filter's prediction enters the fit as a prior, or the raw fit is
             filtered (Kalman filters).
-        engine: "compiled", or "filterpy" for its reference.
+        engine: "compiled", or "filterpy" for its reference, which takes all noise for white.
 
     Raises:
         SettingsError: a value makes no sense.
@@ -54,6 +57,18 @@ class FilterSettings(Settings):
         unit="on the usual accelerations",
         metavar="auto|FACTOR",
     )
+    noise_colour: float | Literal["auto", "white"] = setting(
+        "auto",
+        "How long the joints' noise lasts: 0.1 s where fits show that some does, no longer than a"
+        " frame (white), or this time.",
+        words=("auto", "white"),
+        least=1e-3,
+        most=10.0,
+        spelt="noise colour",
+        amount="a time",
+        unit="s",
+        metavar="auto|white|SECONDS",
+    )
     couple: bool = setting(
         True, "Let the filter's prediction enter the fit (default), or filter the fits."
     )
@@ -65,6 +80,11 @@ class FilterSettings(Settings):
         super().__post_init__()
         if self.name == "one-euro" and self.engine != "compiled":
             raise SettingsError("filterpy has no one-euro filter")
+        if not isinstance(self.noise_colour, str) and self.engine != "compiled":
+            raise SettingsError(
+                "filterpy has no noise that lasts: noise_colour is"
+                f" {self.noise_colour:g}, expected white"
+            )
 
     @property
     def waits(self) -> bool:

@@ -16,10 +16,10 @@ from handtrack.errors import InputError, SettingsError
 from handtrack.fitting import solver
 from handtrack.hand.model import HandModel
 from handtrack.kernels import workspace
+from handtrack.tracking.filter_input import Frames
 from handtrack.tracking.filters import make_filter, warm_up
 from handtrack.tracking.frame import TrackedFrame
 from handtrack.tracking.gating import PLAIN, REJECTED, Gate, Verdict
-from handtrack.tracking.kalman import Frames
 from handtrack.tracking.settings import TrackerSettings
 
 Array = NDArray[np.float64]

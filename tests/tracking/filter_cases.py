@@ -7,7 +7,7 @@ import numpy as np
 import handtrack as ht
 from handtrack.fitting import solver
 from handtrack.hand.rotations import about_axis
-from handtrack.tracking.kalman import Frames
+from handtrack.tracking.filter_input import Frames
 from handtrack.tracking.settings import TrackerSettings
 
 MODEL = ht.HandModel.default("right")

@@ -11,8 +11,8 @@ from handtrack.hand.limits import preset
 from handtrack.hand.rotations import about_axis, matrix_to_vector, vector_to_matrix
 from handtrack.kernels import frame_loop as rows
 from handtrack.tracking import kalman
+from handtrack.tracking.filter_input import Frames
 from handtrack.tracking.filters import make_filter
-from handtrack.tracking.kalman import Frames
 from handtrack.tracking.settings import FILTERS, TrackerSettings
 
 SETTINGS = {
@@ -27,6 +27,7 @@ SETTINGS = {
 every_filter = pytest.mark.parametrize("name", SETTINGS)
 TURN = slice(rows.OUT_ROOT, rows.OUT_SHIFT)
 SHIFT = slice(rows.OUT_SHIFT, rows.OUT_QUATERNION)
+JOINTS = slice(rows.OUT_JOINTS, rows.OUT_OBJECTIVE)
 POSE = slice(0, rows.OUT_OBJECTIVE)
 
 
@@ -134,6 +135,8 @@ def test_a_frame_of_the_world_makes_no_difference(name):
     moved = frames.raw.copy()
     moved[:, TURN] = (turn @ frames.raw[:, TURN].reshape(-1, 3, 3)).reshape(-1, 9)
     moved[:, SHIFT] = frames.raw[:, SHIFT] @ turn.T + shift
+    there = frames.raw[:, JOINTS].reshape(-1, 21, 3) @ turn.T + shift
+    moved[:, JOINTS] = there.reshape(len(there), -1)
     settings = SETTINGS[name]
     if settings.filter.process_noise == "auto" and name != "one-euro":
         # what is learnt has the world's axes

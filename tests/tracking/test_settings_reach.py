@@ -17,6 +17,7 @@ CHANGED = {
     "process_noise": (5.0, {"filter": "kalman"}),
     "couple": (False, {"filter": "kalman"}),
     "lag": (5, {"filter": "fixed-lag"}),
+    "noise_colour": ("white", {"filter": "rts"}),
     "noise_mm": (30.0, {"filter": "kalman"}),
     "engine": ("filterpy", {"filter": "kalman"}),
     "gate": (False, {}),

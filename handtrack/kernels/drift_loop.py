@@ -1,0 +1,124 @@
+"""Frame after frame through the filter where the joints' noise lasts, in compiled code."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from handtrack.kernels.colour import follow_share, parts_of
+from handtrack.kernels.compiled import inline, kernel
+from handtrack.kernels.drift import (
+    age_drift,
+    begin_drifting,
+    learn_unit,
+    predict_drifting,
+    update_drifting,
+)
+from handtrack.kernels.drift_bank import (
+    begin_drifting_bank,
+    learn_drifting,
+    predict_drifting_bank,
+)
+from handtrack.kernels.filter_loop import enter, keep_pose_only, load_hand, see, store_row
+from handtrack.kernels.filter_state import (
+    BEGUN,
+    KEPT,
+    NOTHING,
+    PREDICTED,
+    REST,
+    UPDATED,
+    copy_pose,
+    move_pose,
+)
+from handtrack.kernels.frame_loop import OUT_NOISE, count_seen
+from handtrack.kernels.motion_noise import FIRST
+from handtrack.kernels.workspace import N_POSE, WORK
+
+# what the settings say behind those of `filter_frames`
+SHARE, MOVING, LASTS = 8, 9, 10
+
+
+@inline
+def keep_drifting(s, kept):
+    """What a smoother needs of a prediction; its measurement is still to come."""
+    keep_pose_only(s, kept)
+    for i in range(N_POSE):
+        for j in range(REST):
+            kept.pose_rest[i, j] = s.pose_rest[i, j]
+            kept.drift_rest[i, j] = s.rest_rest[N_POSE + i, j]
+        kept.drift[i], kept.stays[i] = s.drift[i], s.stays[i]
+        kept.f01[i], kept.f11[i] = s.f01[i], s.f11[i]
+        kept.q00[i], kept.q01[i], kept.q11[i] = s.q00[i], s.q01[i], s.q11[i]
+
+
+@inline
+def come_to(s, works, solver, settings, motion, now, frame, note, seen):
+    """What comes before a prediction: beginning, or what the time until the frame means."""
+    (process, grid), (targets, weights, raw), before = motion, frame, s.time_ns
+    s.lasts, dt = settings[LASTS], (now - before) * 1e-9
+    if settings[SHARE] >= 0.0:
+        s.share, s.moving = settings[SHARE], settings[MOVING]
+    else:
+        follow_share(s, dt, targets, weights, raw)
+    s.white, s.colour = parts_of(s.share, s.moving)
+    kind = enter(s, settings, process, now, raw, note)
+    age_drift(s, dt, weights)
+    if kind == BEGUN:
+        begin_drifting(works[0], solver, s, targets, weights, raw, process[FIRST], seen)
+        if settings[1]:
+            begin_drifting_bank(s, process)
+    elif kind == PREDICTED and settings[1]:
+        for i in range(N_POSE):
+            s.density[i] = s.learnt[i]
+        predict_drifting_bank(s, grid, process)
+    return kind
+
+
+@inline
+def store_undrifted(s, works, solver, pose, out):
+    """The hand's pose, without its drift, as a row of results."""
+    copy_pose(s, pose)
+    for i in range(N_POSE):
+        s.step[i] = -s.drift[i]
+    move_pose(pose, s.step)
+    store_row(works[0], solver, pose, s.best_angles, s.best_root, out)
+
+
+@kernel
+def filter_drifting_frames(
+    states, hand, solver, settings, motion, time_ns, targets, weights, raw, out, notes, keep, kept
+):
+    """Filter frame after frame.
+
+    Args:
+        states: (1,) DRIFTING.
+        settings: as in `filter_frames`; then what share of the joints' noise lasts, negative to
+            follow it, what part of the residuals is not their mean, and how long it lasts [s].
+        kept: (T,) KEPT_DRIFTING.
+        hand, solver, motion, time_ns, targets, weights, raw, out, notes, keep: as there.
+    """
+    works, poses = np.zeros(1, dtype=WORK), np.zeros(1, dtype=KEPT)
+    load_hand(works[0], hand, settings)
+    s = states[0]
+    for t in range(len(time_ns)):
+        frame = targets[t], weights[t], raw[t]
+        seen, _ = count_seen(weights[t])
+        kind = come_to(s, works, solver, settings, motion, time_ns[t], frame, notes[t], seen)
+        if kind == PREDICTED:
+            predict_drifting(s)
+        if keep and kind != NOTHING:
+            keep_drifting(s, kept[t])
+        if see(s, works, solver, settings, frame, notes[t]):
+            learn_unit(s, seen)
+            if keep:
+                rest = update_drifting(s, settings[0], keep, kept[t].information, kept[t].pull)
+            else:
+                rest = update_drifting(s, settings[0], keep, s.work, s.gradient)
+            notes[t].likelihood -= rest
+            if settings[1]:
+                learn_drifting(s, motion[1], motion[0])
+            if math.isfinite(raw[t, OUT_NOISE]):
+                notes[t].kind = UPDATED
+        if kind != NOTHING:
+            store_undrifted(s, works, solver, poses[0], out[t])
