@@ -38,6 +38,9 @@ _CDR: dict[str, Callable[[cdr.Cdr, str], Message]] = {
     "visualization_msgs/msg/Marker": cdr.marker,
     "tf2_msgs/msg/TFMessage": lambda c, _: cdr.transforms(c),
     "geometry_msgs/msg/TransformStamped": lambda c, _: cdr.transform(c),
+    # a time and a frame's name, as in a header
+    "foxglove_msgs/msg/FrameTransforms": lambda c, _: cdr.transforms(c),
+    "foxglove_msgs/msg/FrameTransform": lambda c, _: cdr.transform(c),
 }
 
 
