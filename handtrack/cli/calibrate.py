@@ -89,9 +89,13 @@ def calibrate(
 
         warm_up()
         hand, found, notes = _calibrated(models, sequences, method, detector)
-        from handtrack.calibration.explain import explain
+        from handtrack.calibration.explain import doubt, explain
 
         found |= explain(hand, sequences).summary()
+        doubtful = doubt(found)
+        if doubtful is not None:
+            one = "; or are the clips of different people?" if len(sequences) > 1 else ""
+            notes = [*notes, doubtful + one]
     from handtrack import __version__
     from handtrack.hand.hand_file import save_hand
 

@@ -66,6 +66,11 @@ def _print(about: dict[str, Any]) -> None:
                 for name, value in error.items()
             )
             click.echo(f"    error to the {shown(against)} joints, mm: {numbers}")
+        cameras = hand["settings"].get("cameras")
+        pixels = cameras.get("reprojection_px") if isinstance(cameras, dict) else None
+        if isinstance(pixels, dict):
+            numbers = ", ".join(f"{shown(name)} {_short(value)}" for name, value in pixels.items())
+            click.echo(f"    reprojection error in {cameras.get('views')} cameras, px: {numbers}")
         settings = ", ".join(
             f"{shown(name)} {_short(value)}" for name, value in hand["settings"].items()
         )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -86,10 +86,12 @@ class Work:
         tracks: list[Track] = []
         with recorder(job.mcap, sequences, self.recording) as record:
             for i, sequence in enumerate(sequences):
-                stretches = Stretches(record, i, used_config())
+                told = self._told(sequence, job.items)
+                stretches = Stretches(record, i, told)
                 start = time.perf_counter()
                 try:
-                    tracks.append(self._track(sequence, settings, stretches, progress))
+                    track = self._track(sequence, settings, stretches, progress)
+                    tracks.append(replace(track, settings={**track.settings, **told}))
                 except HandtrackError as error:
                     # a hand that is hardly seen must not take the others with it
                     last = not tracks and i == len(sequences) - 1
@@ -106,6 +108,15 @@ class Work:
             self._write_rrd(job.rrd, tracks, job.items, progress)
         made.tracks += tracks
         made.files += job.files
+
+    @staticmethod
+    def _told(sequence: Sequence, items: list[Item]) -> dict[str, Any]:
+        """What its recording says of a sequence beside the settings of its track."""
+        config = used_config()
+        told: dict[str, Any] = {"config": config} if config else {}
+        for item in items:
+            told |= item.told.get((sequence.name, sequence.hand), {})
+        return told
 
     def _read(self, job: Job, made: Made) -> list[Sequence]:
         """The sequences of a job, hands put back; what fails is skipped."""

@@ -141,14 +141,14 @@ def recorder(mcap: Path, sequences: list[Sequence], recording: RecordingSettings
 class Stretches:
     """Records the stretches of a track, from the first on that a hand is seen in.
 
-    So a hand that is never seen leaves nothing. `config` is what `used_config` says.
+    So a hand that is never seen leaves nothing. `told` stands among its settings.
 
     Attributes:
         seconds: time spent with recording [s].
     """
 
-    def __init__(self, recorder: McapRecorder, hand: int, config: dict[str, Any]) -> None:
-        self._recorder, self._hand, self._config = recorder, hand, config
+    def __init__(self, recorder: McapRecorder, hand: int, told: dict[str, Any]) -> None:
+        self._recorder, self._hand, self._more = recorder, hand, told
         self._waiting: list[Stretch] = []
         self._seen = False
         self.seconds = 0.0
@@ -164,10 +164,10 @@ class Stretches:
         self.seconds += time.perf_counter() - start
 
     def _told(self, part: Stretch) -> Stretch:
-        """A stretch that says which configuration file it was made by."""
-        if not self._config:
+        """A stretch whose settings hold what else is to be told."""
+        if not self._more:
             return part
-        settings = {**part.head.settings, "config": self._config}
+        settings = {**part.head.settings, **self._more}
         return replace(part, head=replace(part.head, settings=settings))
 
 

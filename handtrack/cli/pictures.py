@@ -10,10 +10,11 @@ import click
 from handtrack.cli.inputs import Reading
 from handtrack.cli.models import Models
 from handtrack.cli.outputs import check_target
+from handtrack.cli.sources import Item
 from handtrack.errors import InputError, SettingsError
 
 if TYPE_CHECKING:
-    from handtrack import Sequence, Track
+    from handtrack import Track
     from handtrack.video.placing import Seen
     from handtrack.viewer.picture_log import PictureView
 
@@ -62,12 +63,12 @@ def from_cameras(
     models: Models,
     calibrate: bool | str,
     quiet: bool,
-) -> tuple[list[Sequence], list[Seen], float]:
+) -> tuple[Item, float]:
     """Hands followed in the pictures of calibrated cameras.
 
     Returns:
-        The hands' joints in the cameras' world; the pictures; and the joints' noise [mm] that
-        the reprojection errors show.
+        The hands' joints in the cameras' world with the pictures, and how far they are from
+        those; and the joints' noise [mm] that the reprojection errors show.
 
     Raises:
         InputError: the files do not belong together.
@@ -94,6 +95,7 @@ def from_cameras(
         detections.append(reading._replace(unit=None).detect(video, quiet))
     hands, noise = views_of(detections, cameras), []
     sequences = []
+    told: dict[tuple[str, str], dict[str, Any]] = {}
     for views in hands:
         if reading.hand not in ("auto", views.hand):
             continue
@@ -106,18 +108,25 @@ def from_cameras(
         followed = follow(views, model)
         sequences.append(followed.sequence)
         noise.append(followed.noise_mm)
+        pixels = followed.reprojection[np.isfinite(followed.reprojection)]
+        values = (pixels.mean(), *np.percentile(pixels, [50, 95]), pixels.max())
+        kinds = ("mean", "median", "p95", "max")
+        error = {kind: round(float(x), 3) for kind, x in zip(kinds, values, strict=True)}
+        about = {"views": len(cameras), "reprojection_px": error}
+        told[views.name, views.hand] = {"cameras": about}
         if not quiet:
             for note in followed.sequence.notes:
                 click.echo(f"warning: {views.name}: {note}", err=True)
-            error = float(np.nanmedian(followed.reprojection))
             click.echo(
                 f"{views.name}: {views.hand} hand in {len(cameras)} views, reprojection error"
-                f" {error:.2f} px (median)",
+                f" {error['median']:.2f} px (median)",
                 err=True,
             )
     if not sequences:
         raise InputError(f"there is no {reading.hand} hand", videos[0])
-    return sequences, Seen.together(detections, hands), max(noise)
+    item = Item.of(sequences, videos[0], Seen.together(detections, hands))
+    item.told = told
+    return item, max(noise)
 
 
 def for_viewer(tracks: list[Track], pictures: list[Seen]) -> list[PictureView]:

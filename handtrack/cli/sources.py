@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from handtrack.cli.inputs import Reading
 from handtrack.cli.outputs import names_of
@@ -31,12 +31,14 @@ class Item:
         folder: the folder that the user named, if it is one of several in it.
         name: of its recording among those of the folder.
         pictures: what was seen in it, once it is read.
+        told: what recordings say of a sequence, by name and hand, beside its settings.
     """
 
     source: Path
     folder: Path | None = None
     name: str = ""
     pictures: list[Seen] = field(default_factory=list)
+    told: dict[tuple[str, str], dict[str, Any]] = field(default_factory=dict)
     _sequences: list[Sequence] | None = None
 
     @property

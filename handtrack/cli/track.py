@@ -25,7 +25,7 @@ from handtrack.cli.options import (
 from handtrack.cli.outputs import jobs, overwrite_option
 from handtrack.cli.pictures import check_overlay, from_cameras, picture_options
 from handtrack.cli.progress import compiling_said, progress_shown, warm_up
-from handtrack.cli.sources import Given, Item, items_of
+from handtrack.cli.sources import Given, items_of
 from handtrack.errors import HandtrackError
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def track(
         with compiling_said(silent):
             method = settings.calibration.method
             views = from_cameras(camera, inputs, reading, models, method, silent)
-        given, noise = Given([Item.of(views[0], inputs[0], views[1])]), views[2]
+        given, noise = Given([views[0]]), views[1]
         settings = settings.but(calibrate="none")
         if settings.fit.noise_mm is None:
             settings = settings.but(noise_mm=noise)

@@ -83,6 +83,12 @@ class PairedDifference:
             return f"{better} {what} {worse}: {numbers}"
         return f"No clear difference between {better} and {worse}: {numbers}"
 
+    @property
+    def verdict(self) -> bool:
+        """Whether one is better for sure: that a residual varies less is no merit."""
+        residual = self.against == "observed" and self.statistic == "std"
+        return self.of.clear and not residual
+
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
         return {
@@ -108,6 +114,8 @@ _WORDS: dict[tuple[str, Statistic], tuple[str, str]] = {
 _EXPLAINS: dict[tuple[str, Statistic], str] = {
     ("pa_mpjpe_mm", "mean"): "explains the observed joints better than",
     ("mpjpe_mm", "mean"): "keeps nearer to the observed joints than",
+    # steady is who jitters less, or whose error to a truth varies less
+    ("pa_mpjpe_mm", "std"): "leaves a residual that varies less than",
 }
 
 

@@ -48,7 +48,7 @@ def page_data(report: Report) -> dict[str, Any]:
     if isinstance(report, Comparison):
         methods: Mapping[str, StabilityReport] = report.methods
         overall = dict(report.common)
-        sentences = [{"text": d.sentence, "clear": d.of.clear} for d in report.differences]
+        sentences = [{"text": d.sentence, "clear": d.verdict} for d in report.differences]
         scope = f"{report.frames:,} frames that all methods have"
         notes = list(report.notes)
     else:

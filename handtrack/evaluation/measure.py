@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +64,7 @@ class Estimate:
     limits: Limits | None = None
     timed: bool = True
     numbered: bool = True
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -87,6 +89,7 @@ class Estimate:
             track.model.limits,
             track.timed,
             track.numbered,
+            _seen_by_cameras(track.settings),
         )
 
     @staticmethod
@@ -104,6 +107,20 @@ class Estimate:
             timed=sequence.timed,
             numbered=sequence.numbered,
         )
+
+
+def _seen_by_cameras(settings: Mapping[str, Any]) -> tuple[str, ...]:
+    """Of a hand that was fitted to the pictures of cameras: how far it is from what they saw."""
+    found = settings.get("cameras")
+    if not isinstance(found, dict) or not isinstance(found.get("reprojection_px"), dict):
+        return ()
+    pixels = found["reprojection_px"]
+    values = {n: v for n, v in pixels.items() if isinstance(v, int | float)}
+    numbers = ", ".join(f"{name} {value:.2f}" for name, value in values.items())
+    return (
+        f"seen by {found.get('views')} cameras, reprojection error {numbers} px: that is its"
+        " observed error; the joints that the errors in mm are against are a fit themselves",
+    )
 
 
 def _known(truth: Array | None) -> Array | None:

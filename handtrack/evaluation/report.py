@@ -142,8 +142,8 @@ def print_comparison(comparison: Comparison, console: Console | None = None) -> 
         table.add_row(*(escape(cells[i]) for _, _, cells in columns))
     console.print(table)
     for difference in comparison.differences:
-        clear = difference.of.clear
-        console.print(escape(difference.sentence), style="bold" if clear else "dim")
+        style = "bold" if difference.verdict else "dim"
+        console.print(escape(difference.sentence), style=style)
     console.print(MEANING[first.overall.against], style="dim")
     blocks = sorted({d.block for d in comparison.differences})
     lengths = f"{blocks[0]}" if len(blocks) == 1 else f"{blocks[0]} to {blocks[-1]}"

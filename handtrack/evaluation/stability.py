@@ -175,7 +175,7 @@ def _best(estimate: Estimate) -> Against:
 def _alone(estimate: Estimate, against: Against) -> Stability:
     """An estimate against what came with it."""
     reference = {"truth": estimate.truth, "observed": estimate.observed}.get(against)
-    notes = []
+    notes = list(estimate.notes)
     if against == "truth" and reference is not None:
         wrong = truth_problem(estimate.joints, reference)
         if wrong:

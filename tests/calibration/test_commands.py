@@ -27,6 +27,19 @@ def clips(tmp_path_factory):
     return folder
 
 
+def test_clips_of_different_people_are_doubted(clips, tmp_path, capsys):
+    rng = np.random.default_rng(5)
+    joints = subject(rng).scaled(1.15).joints(*poses(rng, 90))
+    other = tmp_path / "other.npz"
+    np.savez(other, joints_m=joints + 0.001 * rng.normal(size=joints.shape), fps=30.0, hand="right")
+    arguments = ["calibrate", str(clips / "a.npz"), str(other), "-o", str(tmp_path / "h.json")]
+    assert run(arguments) == 0
+    assert "are the clips of different people?" in capsys.readouterr().err
+    same = ["calibrate", str(clips / "a.npz"), str(clips / "b.npz"), "-o", str(tmp_path / "s.json")]
+    assert run(same) == 0
+    assert capsys.readouterr().err == ""
+
+
 def test_clips_make_a_hand_that_tracks(clips, tmp_path, capsys):
     hand, out = tmp_path / "hand.json", tmp_path / "b.mcap"
     assert run(["calibrate", str(clips / "a.npz"), str(clips / "b.npz"), "-o", str(hand)]) == 0
