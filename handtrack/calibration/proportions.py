@@ -144,6 +144,9 @@ def _palm_shape(joints: Array, rest: Array, rounds: int = 20) -> tuple[Array, Ar
     placed = _align(shape[None], rest[PALM][None], seen[None])[0]
     if seen[0]:
         placed = placed - placed[0] + rest[0]
+    # a base at the wrist was not seen: it is one joint given twice
+    reach, usual = (np.linalg.norm(p - p[0], axis=1) for p in (placed, rest[PALM]))
+    seen = seen & (reach >= _LEAST_BONE * usual)
     placed[~seen] = rest[PALM][~seen]
     return placed, seen
 

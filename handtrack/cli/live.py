@@ -127,10 +127,11 @@ def live(
                 click.echo(f"publishing to {out.address}", err=True)
         # a subject's own hand, and MANO's, stay as they are given
         given = models.file is not None or models.base[0] == "mano"
+        said = "mediapipe" if camera is not None or video is not None else ""
         recalibrated = partial(Tracker, settings=settings) if calibrate and not given else None
         count: LiveCount = run_live(
             (_only(frame, hand) for frame in frames),
-            lambda side, size: _tracker(models, side, size, settings),
+            lambda side, size: _tracker(models, side, size, settings, said),
             sinks,
             recalibrated=recalibrated,
             dropped=lambda: queue.dropped,
@@ -223,10 +224,16 @@ def _only(frame: LiveFrame, hand: Hand | None) -> LiveFrame:
     return replace(frame, joints=joints)
 
 
-def _tracker(models: Models, hand: Hand, size: float, settings: TrackSettings) -> Tracker:
+def _tracker(
+    models: Models, hand: Hand, size: float, settings: TrackSettings, said: str
+) -> Tracker:
     from handtrack import HandModel, Tracker
+    from handtrack.detectors.chosen import chosen_profile
 
     model = models.of(hand)
+    profile = chosen_profile(settings.detector, said)
+    if profile is not None:
+        model = profile.on(model)
     if models.file is not None:  # a subject's own hand has its size
         return Tracker(model, settings=settings)
     # as large as the hand that is seen

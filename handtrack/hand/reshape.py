@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 # bones whose cosine is this near to -1 have no smallest turn
 _OPPOSED = 1e-9
+# palm joints that are so near, over the palm's extent, are at one place
+_SAME = 1e-4
 
 
 def reshaped(
@@ -117,6 +119,7 @@ def _palm(points: Array, before: Array, after: Array, size: float) -> Array:
     n = len(before)
     distance = np.linalg.norm(before[:, None] - before, axis=-1)
     system = np.block([[-distance, np.ones((n, 1))], [np.ones((1, n)), np.zeros((1, 1))]])
-    solved = np.linalg.solve(system, np.vstack([rest, np.zeros((1, 3))]))
+    # of palm joints that lie on one another, none is met exactly
+    solved = np.linalg.lstsq(system, np.vstack([rest, np.zeros((1, 3))]), rcond=_SAME)[0]
     reach = np.linalg.norm(points[:, None] - before, axis=-1)
     return np.asarray(base - reach @ solved[:n] + solved[n])

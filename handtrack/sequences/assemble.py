@@ -100,6 +100,7 @@ def assemble(raw: Raw, given: Given) -> Sequence:
         source=str(raw.path),
         subject=raw.subject,
         notes=tuple(notes),
+        detector=raw.detector,
     )
 
 

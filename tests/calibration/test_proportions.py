@@ -273,3 +273,13 @@ def test_the_sequence_and_the_prior_are_not_changed():
     calibrate(prior, seq)
     after = seq.joints, prior.rest_joints, prior.rest_vertices
     assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
+
+
+def test_bases_given_at_the_wrist_are_not_seen():
+    """As files without metacarpals have them: one joint given several times."""
+    model = HandModel.default()
+    joints = model.joints(*make_sample.motion(1.0, 30.0, np.random.default_rng(0)))
+    joints[:, BASES[1:]] = joints[:, :1]
+    found = calibrate(model, Sequence(np.arange(len(joints)) * 33_333_333, joints))
+    assert np.isfinite(found.model.rest_vertices).all()
+    assert {"index_mcp", "little_mcp"} <= set(found.kept)

@@ -156,7 +156,7 @@ def test_the_command_makes_a_profile_that_track_takes(tmp_path, capsys):
     said = json.loads(capsys.readouterr().out)
     assert said["clips"] == 2
     assert load_profile(out).name == "p"
-    track = ["track", files[0], "-o", str(tmp_path / "a.mcap"), "--no-mesh", "-q"]
+    track = ["track", files[0], "-o", str(tmp_path / "a.mcap"), "--no-mesh", "-q", "--overwrite"]
     assert run([*track, "--detector", str(out)]) == 0
     assert run([*track, "--detector", "no-such"]) == 2
     assert "no-such' is unknown" in capsys.readouterr().err

@@ -173,3 +173,14 @@ def test_impossible_hands_are_refused(model):
     new[BASES[2]] = new[0]
     with pytest.raises(ModelError, match="joint 9 has no length"):
         reshaped(model, new)
+
+
+def test_palm_joints_at_one_place_leave_the_skin_finite():
+    model = HandModel.default()
+    rest = model.rest_joints.copy()
+    rest[5] = rest[9]
+    odd = reshaped(model, rest)
+    assert np.isfinite(odd.rest_vertices).all()
+    back = reshaped(odd, model.rest_joints)
+    moved = np.linalg.norm(back.rest_vertices - model.rest_vertices, axis=1)
+    assert moved.max() < 0.05

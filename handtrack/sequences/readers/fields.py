@@ -54,6 +54,19 @@ _FEWEST = 4
 """Fewer joints by name are no hand."""
 
 
+def _detector(fields: Mapping[str, Any], key: str) -> str:
+    """Whose landmarks the joints under a key are, where that is plain; else "".
+
+    "World landmarks" is MediaPipe's word, and what `detect` writes has its pictures beside.
+    """
+    said = fields.get("detector")
+    if isinstance(said, str):
+        return said
+    from_pictures = "size_px" in fields and any("image_px" in str(k) for k in fields)
+    named = {"world", "landmarks"} <= set(words(key))
+    return "mediapipe" if from_pictures or named else ""
+
+
 def from_fields(fields: Mapping[str, Any], path: Path) -> Raw:
     """One hand's Raw from named fields; what else there is and looks like no joints, hand or
     time is left out.
@@ -85,6 +98,7 @@ def from_fields(fields: Mapping[str, Any], path: Path) -> Raw:
         raw.fps = as_fps(there[rate], path)
     raw.name = str(fields.get("name") or raw.name)
     raw.subject = str(fields.get("subject") or "")
+    raw.detector = _detector(fields, key)
     clocks = [k for k in there if time_unit(k) is not None and not isinstance(there[k], bool)]
     if clocks:
         clock = min(clocks, key=lambda k: FINEST.index(time_unit(k) or ""))

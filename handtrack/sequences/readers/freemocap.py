@@ -40,6 +40,7 @@ def holistic(array: Any, path: Path) -> list[Raw] | None:
             hand=hand,
             unit="mm" if "mediapipe" in path.name.lower() else None,
             tagged=True,
+            detector="mediapipe-3d" if "mediapipe" in path.name.lower() else "",
             notes=(note,) if k == 0 else (),
         )
         for k, hand in enumerate(sides)

@@ -68,6 +68,7 @@ class Raw:
         pending: what makes joints of a companion file, or brings them elsewhere by it, or None.
         by_number: the source tells its hands apart by numbers, and does not say which is which.
         tagged: the name gets the hand appended even where it is the only one.
+        detector: name of the profile whose landmarks the joints are, where the source says.
         notes: for the user, one line each.
     """
 
@@ -88,6 +89,7 @@ class Raw:
     pending: Pending | None = None
     by_number: bool = False
     tagged: bool = False
+    detector: str = ""
     notes: tuple[str, ...] = ()
 
 
