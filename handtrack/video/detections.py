@@ -81,7 +81,7 @@ class Detections:
     def save(self, path: Path) -> None:
         """Write an .npz that `handtrack track` and `load` read.
 
-        Keys: `time_ns`, `frame_index`, `size_px` (2,), `source`, `detector`, and for each hand found
+        Keys: `time_ns`, `frame_index`, `size_px` (2,), `source`, `detector`; for each hand found
         `HAND_joints_m` (T, 21, 3), `HAND_image_px` (T, 21, 2) and `HAND_confidence` (T,).
 
         Raises:

@@ -43,6 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
         metavar=("NAME", "JSON"),
         help="a row of one's own: settings of handtrack.track",
     )
+    studying.add_argument("--overall", type=Path, metavar="OUT", help="write the summaries alone")
     studying.add_argument("--quick", action="store_true", help="only the first three clips")
     profiling = commands.add_parser("profile", help="make the profiles that ship")
     profiling.add_argument("-o", "--out", type=Path, default=SHIPPED, help="folder")
@@ -74,7 +75,7 @@ def _study(options: argparse.Namespace) -> None:
     from rich.console import Console
 
     from tools.bench.rendered.methods import chosen
-    from tools.bench.rendered.study import say, study, write_json
+    from tools.bench.rendered.study import say, study, write_json, write_overall
 
     paths = options.paths or [DATA / ("holdout" if options.holdout else "tune")]
     clips = [clip for path in paths for clip in read_folder(path)]
@@ -89,6 +90,8 @@ def _study(options: argparse.Namespace) -> None:
     say(rows, console)
     if options.json:
         write_json(rows, options.json)
+    if options.overall:
+        write_overall(rows, options.overall)
 
 
 def _profile(options: argparse.Namespace) -> None:

@@ -118,6 +118,11 @@ def write_json(rows: list[Row], path: Path) -> None:
     path.write_text(json.dumps(_finite(content), indent=1, allow_nan=False) + "\n")
 
 
+def write_overall(rows: list[Row], path: Path) -> None:
+    """The summaries alone, as the documentation's tables take them."""
+    path.write_text(json.dumps(_finite(summaries(rows)), indent=1, allow_nan=False) + "\n")
+
+
 def _finite(value: Any) -> Any:
     if isinstance(value, Interval):
         value = value._asdict()
