@@ -79,6 +79,9 @@ def desk(tmp_path_factory, sample, sample_file) -> Path:
     shutil.copy(sample_file, folder / "recordings")
     short_clip(sample, 20, folder / "clip.json")
     short_clip(sample, 100, folder / "other.json")
+    (folder / "clips").mkdir()
+    for name in ("clip.json", "other.json"):
+        shutil.copy(folder / name, folder / "clips")
     truth, times = sample.truth[20:60], sample.time_ns[20:60]
     np.savez(folder / "true.npz", joints_m=truth, time_ns=times, hand="right")
     mano = folder / "models" / "mano" / "MANO_RIGHT.pkl"
