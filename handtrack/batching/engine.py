@@ -25,6 +25,7 @@ TICK_S = 0.5
 _COUNT_S = 2.0
 """Workers are counted so often."""
 _CONNECT_S = 10
+_STARTS = 3
 _GONE_S = 20.0
 """A scheduler that has not answered for so long is gone."""
 _THREADS = ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM")
@@ -264,21 +265,38 @@ def _connected(distributed: Any, address: str) -> Iterator[Any]:
 
 @contextmanager
 def _local(distributed: Any, workers: int, processes: bool, folder: str) -> Iterator[Any]:
+    options = {
+        "n_workers": workers,
+        "threads_per_worker": 1,
+        "processes": processes,
+        "host": "127.0.0.1",
+        "dashboard_address": "127.0.0.1:0" if _has_dashboard() else None,
+        "local_directory": folder,
+        "silence_logs": "CRITICAL",
+    }
     with _interrupts_left_to_us():
-        cluster = distributed.LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=processes,
-            host="127.0.0.1",
-            dashboard_address="127.0.0.1:0" if _has_dashboard() else None,
-            local_directory=folder,
-            silence_logs="CRITICAL",
-        )
+        cluster = _started(distributed.LocalCluster, options)
     try:
         yield cluster
     finally:
         with suppress(OSError, TimeoutError, RuntimeError):
             cluster.close(timeout=10)
+
+
+def _started(cluster: Callable[..., Any], options: dict[str, Any]) -> Any:
+    """A cluster; a worker that dies while it starts is no reason to give up at once.
+
+    Raises:
+        EngineError: it does not start.
+    """
+    for left in range(_STARTS - 1, -1, -1):
+        try:
+            return cluster(**options)
+        except (RuntimeError, OSError, TimeoutError) as error:
+            if not left:
+                reason = str(error).partition("\n")[0] or type(error).__name__
+                raise EngineError(f"workers cannot be started: {reason}") from error
+    return None
 
 
 def cores() -> int:

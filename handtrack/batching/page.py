@@ -86,7 +86,7 @@ def _cells(group: Sure) -> list[str]:
     for name in TITLES:
         text = shown(group.values[name])
         value, space, interval = text.partition(" ")
-        values.append(escape(value) + (f" <small>{escape(interval)}</small>" if space else ""))
+        values.append(escape(value) + (f"<br><small>{escape(interval)}</small>" if space else ""))
     return [f"{group.clips:,}", f"{group.frames:,}", *values]
 
 

@@ -44,6 +44,9 @@ class Progress:
     def says(self, text: str) -> None:
         """Something is to be told by itself."""
 
+    def end(self) -> None:
+        """All is done."""
+
     @property
     def line(self) -> str:
         """All of it in one line."""

@@ -49,7 +49,8 @@ def read_clip(clip: Clip, reading: Mapping[str, Any]) -> Read:
         options |= {name: value for name, value in given.items() if value is not None}
         # numbered files are read as their folder; what else is in there belongs to other clips
         where = first.parent if clip.group else first
-        sequences = load(where, **options)
+        with _as_from(clip.path, where):
+            sequences = load(where, **options)
         found = content_digest(files)
     shown = clip.path
     sequences = [
@@ -64,6 +65,19 @@ def read_clip(clip: Clip, reading: Mapping[str, Any]) -> Read:
     return Read([part for s in sequences if (part := _cut(s, clip)) is not None], found)
 
 
+@contextmanager
+def _as_from(path: str, where: Path) -> Iterator[None]:
+    """Errors name a file as the user knows it, not the copy of it that is read."""
+    try:
+        yield
+    except InputError as error:
+        text = str(error)
+        if str(where) not in text or str(where) == path:
+            raise
+        # a Path would make one slash of the two in a URL
+        raise type(error)(text.replace(str(where), path)) from error
+
+
 def read_truth(clip: Clip, reading: Mapping[str, Any]) -> list[Sequence]:
     """The true joints that a clip names; a file with observed and true joints has the true.
 
@@ -73,7 +87,7 @@ def read_truth(clip: Clip, reading: Mapping[str, Any]) -> list[Sequence]:
     if clip.truth is None:
         return []
     kept = {name: reading[name] for name in ("mano", "mano_tips", "max_size") if name in reading}
-    with at_hand(clip.truth, False) as files:
+    with at_hand(clip.truth, False) as files, _as_from(clip.truth, files[0]):
         found = load(files[0], **kept)
     return [replace(s, joints=s.joints if s.truth is None else s.truth) for s in found]
 

@@ -143,6 +143,7 @@ def batch(
         if not quiet:
             watch.says("what is done is kept; the same command goes on from there")
         raise
+    watch.end()
     _say(outcome, output, as_json, quiet)
     if outcome.failed:
         click.get_current_context().exit(1)
@@ -188,10 +189,13 @@ class _Shown(Progress):
         super().begin(doing, clips)
 
     def says(self, text: str) -> None:
+        self.end()
+        click.echo(text, err=True)
+
+    def end(self) -> None:
         if self._width:
             click.echo(f"\r{' ' * self._width}\r", nl=False, err=True)
             self._width = 0
-        click.echo(text, err=True)
 
 
 def _say_plan(
@@ -247,7 +251,7 @@ def _say(outcome: Outcome, output: str, as_json: bool, quiet: bool) -> None:
         click.echo(json.dumps(said, indent=2, allow_nan=False))
         return
     for note in outcome.notes if not quiet else ():
-        click.echo(f"\nwarning: {note}", err=True)
+        click.echo(f"warning: {note}", err=True)
     for path, error in outcome.failed[:_SHOWN]:
         text = error if error.startswith(path) else f"{path}: {error}"
         click.echo(f"failed: {text}", err=True)
