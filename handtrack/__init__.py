@@ -8,7 +8,7 @@
 - Track: `track` gives `Track` (with `Event`, `Head`, `Skin`), in `Stretch`es as it goes; `Tracker`
   gives `TrackedFrame`s; settings
   `TrackSettings`, `TrackerSettings`, `FilterSettings`, `CalibrationSettings`.
-- Whole data sets: `batch` (`BatchSettings`, `Models`).
+- Whole data sets: `batch` (`BatchSettings`, `Models`), of one clip `track_clip` (`Clip`).
 - Record: `McapRecorder`, `write_mcap`, `read_mcap`, `follow_mcap`, `retrack`, `info`, `recover`
   (`Recovered`); settings `RecordingSettings`, `MeshChoice`.
 - Look: `replay`, `log_rerun`, `LiveViewer`, `export` (`Exported`),
@@ -81,6 +81,8 @@ _WHERE = {
     "track": "tracking.sequence_track",
     "retrack": "recording.retrack",
     "batch": "batching.run",
+    "track_clip": "batching.work",
+    "Clip": "batching.clip",
     "BatchSettings": "batching.settings",
     "Models": "batching.settings",
     "info": "recording.info",
@@ -115,9 +117,11 @@ find_old_modules()
 __all__ = [*sorted(_WHERE), "__version__", "metrics"]
 
 if TYPE_CHECKING:
+    from handtrack.batching.clip import Clip as Clip
     from handtrack.batching.run import batch as batch
     from handtrack.batching.settings import BatchSettings as BatchSettings
     from handtrack.batching.settings import Models as Models
+    from handtrack.batching.work import track_clip as track_clip
     from handtrack.calibration.calibrate import Calibration as Calibration
     from handtrack.calibration.calibrate import calibrate as calibrate
     from handtrack.calibration.explain import Explained as Explained

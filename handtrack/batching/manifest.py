@@ -145,7 +145,33 @@ def clips_of_rows(rows: Sequence[Mapping[str, Any]], place: str, own: Sequence[s
     _check_columns(rows[0], place, own)
     at = str(Path(place).parent) if not is_remote(place) else place.rpartition("/")[0]
     clips = [_clip(row, i, place, at, own) for i, row in enumerate(rows, 1)]
+    _check_claims(clips, place)
     return _there(clips, place)
+
+
+def _check_claims(clips: Sequence[Clip], place: str) -> None:
+    """Refuse rows that say different things of the same hand.
+
+    Raises:
+        InputError: a part of a file is of two subjects, or given both as one hand and as all.
+    """
+    seen: dict[tuple[str, float | None, float | None], dict[str | None, tuple[int, Clip]]] = {}
+    for number, clip in enumerate(clips, 1):
+        hands = seen.setdefault((clip.path, clip.start, clip.end), {})
+        for hand, (row, other) in hands.items():
+            if None in (hand, clip.hand) and hand != clip.hand:
+                raise InputError(
+                    f"rows {row} and {number}: {clip.path} is given as the"
+                    f" {hand or clip.hand} hand and as all its hands: mixed hands of one subject",
+                    place,
+                )
+            if hand == clip.hand and other.subject != clip.subject:
+                raise InputError(
+                    f"rows {row} and {number}: {clip.path} is of {other.subject or 'nobody'} and"
+                    f" of {clip.subject or 'nobody'}",
+                    place,
+                )
+        hands.setdefault(clip.hand, (number, clip))
 
 
 def _check_columns(row: Mapping[str, Any], place: str, own: Sequence[str]) -> None:

@@ -19,13 +19,16 @@ from handtrack.batching.pool import Found, Pool, find_hands, known, pools
 from handtrack.batching.progress import Progress
 from handtrack.batching.rows import FAILED, row_without
 from handtrack.batching.settings import BatchSettings
-from handtrack.batching.store import Store
+from handtrack.batching.store import Store, StoreError
 from handtrack.batching.work import Done, Task, do_task, write_journal
 from handtrack.errors import HandtrackError
 from handtrack.tracking.settings import TrackSettings
 
 if TYPE_CHECKING:
     import pyarrow
+
+
+GO_ON = "what is done is kept, the same command goes on from there"
 
 
 class Outcome(NamedTuple):
@@ -142,6 +145,10 @@ def run(
             with ExitStack() as stack:
                 state.track(clips, where, again, stack)
             complete = True
+        except EngineError as error:
+            raise EngineError(f"{error}; {GO_ON}") from error
+        except StoreError as error:
+            raise StoreError(f"{error}; {GO_ON}") from error
         finally:
             if not complete:
                 compacted_as_far_as_possible(store)

@@ -107,7 +107,7 @@ def batch(
     The same command goes on where a run was stopped, and does again what other settings or other
     files ask for. A clip that fails is a row with its error. `handtrack stability OUT` reports.
     """
-    from handtrack.batching.run import Where, run
+    from handtrack.batching.run import GO_ON, Where, run
     from handtrack.batching.settings import BatchSettings
 
     (tracking, limits), recording = take_tracking(options), take_recording(options)
@@ -141,7 +141,7 @@ def batch(
         outcome = run(clips, output, settings, where, retry_failed, watch)
     except (KeyboardInterrupt, SystemExit):
         if not quiet:
-            watch.says("what is done is kept; the same command goes on from there")
+            watch.says(GO_ON)
         raise
     watch.end()
     _say(outcome, output, as_json, quiet)

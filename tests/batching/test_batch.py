@@ -93,7 +93,7 @@ def test_other_settings_and_other_content_are_tracked_again(data_set, client, tm
     other = ht.batch([str(clip)], out, client, {"filter": "kalman"})
     assert first["settings_digest"] != other["settings_digest"]
     assert other["jitter_m_s3"][0].as_py() < first["jitter_m_s3"][0].as_py()
-    os.utime(clip, ns=(1, 1))  # another time alone is no other content
+    os.utime(clip, ns=(10**18, 10**18))  # another time alone is no other content
     same = ht.batch([str(clip)], out, client, {"filter": "kalman"})
     assert same["finished"] == other["finished"]
     assert same["input_stamp"] != other["input_stamp"]
@@ -117,6 +117,9 @@ def test_a_clip_that_fails_is_a_row(data_set, client, tmp_path):
         ([{"path": "a", "hand": "third"}], "row 1: hand is 'third'"),
         ([{"path": "a", "fps": "many"}], "row 1: fps is many"),
         ([{"path": "a", "start": 3, "end": 2}], "row 1: end is 2, start 3"),
+        ([{"path": "a", "hand": "left"}, {"path": "a"}], "mixed hands of one subject"),
+        ([{"path": "a", "subject": "x"}, {"path": "a", "subject": "y"}], "is of x and of y"),
+        ([{"path": "a", "name": "../b"}], "name is ../b, expected one inside"),
     ],
 )
 def test_a_manifest_that_is_wrong_is_refused(rows, message, tmp_path):
@@ -146,3 +149,92 @@ def test_a_scheduler_that_is_not_there_is_told(data_set, tmp_path, monkeypatch):
     monkeypatch.setattr(engine, "_CONNECT_S", 1)
     with pytest.raises(SettingsError, match="no scheduler answers there"):
         ht.batch(data_set, tmp_path, scheduler="tcp://127.0.0.1:9", columns=["action"])
+
+
+def test_a_worker_with_another_version_is_refused():
+    from handtrack.batching.engine import Engine
+
+    class Client:
+        def run(self, function: Any, on_error: str) -> dict[str, Any]:
+            return {"tcp://host:1": ("0.0.9", "3.12")}
+
+    with pytest.raises(SettingsError, match=r"tcp://host:1 has handtrack 0\.0\.9 on Python 3\.12"):
+        Engine(Client()).check()
+
+
+def test_the_same_in_a_store_as_in_a_folder(tracked, data_set, client):
+    fsspec = pytest.importorskip("fsspec")
+    there = fsspec.filesystem("memory")
+    there.put(str(data_set.parent), "/in", recursive=True)
+    table_of = ht.batch("memory://in/manifest.csv", "memory://out", client, columns=["action"])
+    numbers = ["clip", "hand", "frames", "pa_mpjpe_mean_mm", "jitter_m_s3", "residual_mm"]
+    assert table_of.select(numbers).equals(table(tracked).select(numbers))
+    assert len(there.find("/out/recordings")) == SIZE.clips
+    again = ht.batch("memory://in/manifest.csv", "memory://out", client, columns=["action"])
+    assert again["finished"] == table_of["finished"]
+
+
+def test_folders_globs_archives_and_subjects_by_their_paths(data_set):
+    import zipfile
+
+    from handtrack.batching.run import clips_from
+
+    root = data_set.parent
+    found = clips_from([str(root / "s00"), str(root / "s01")], subject=r"/(s\d\d)/")
+    assert {clip.subject for clip in found} == {"s00", "s01"}
+    assert len(found) == SIZE.clips
+    some = clips_from(str(root / "s0*" / "*.npz"))
+    assert {clip.name for clip in some} >= {"s00/clip00000", "s01/clip00001"}
+    packed = root.parent / "packed.zip"
+    with zipfile.ZipFile(packed, "w") as archive:
+        for clip in some:
+            archive.write(clip.path, f"{clip.name}.npz")
+    inside = clips_from(str(packed))
+    assert {clip.name for clip in inside} == {clip.name for clip in some}
+    from handtrack.batching.source import read_clip
+
+    (one,), (other,) = (read_clip(c, {}).sequences for c in (inside[0], some[0]))
+    np.testing.assert_array_equal(one.joints, other.joints)
+    with pytest.raises(SettingsError, match="is found in no path"):
+        clips_from(str(root / "s00"), subject="person(.)")
+
+
+def test_a_clip_in_anybodys_program(data_set):
+    import pickle
+
+    from handtrack.batching.run import clips_from
+
+    clip = pickle.loads(pickle.dumps(clips_from(data_set, columns=["action"])[0]))
+    settings = pickle.loads(pickle.dumps(ht.BatchSettings(recordings=False)))
+    (row,) = ht.track_clip(clip, settings)
+    assert row["hand_from"] == "own"
+    assert row["frames"] == SIZE.frames
+
+
+def test_frames_and_exports_are_written(data_set, client, tmp_path):
+    from pyarrow import dataset
+
+    clip = next(data_set.parent.glob("s00/*.npz"))
+    rows = [{"path": str(clip), "subject": "a/b", "start": 0.3, "end": 0.8}]
+    settings = ht.BatchSettings(frames=True, exports=("csv", "mano"), recordings=False)
+    (row,) = ht.batch(rows, tmp_path, client, settings).to_pylist()
+    frames = dataset.dataset(tmp_path / "frames", partitioning="hive").to_table()
+    assert frames.num_rows == row["frames"] == 16
+    assert {"index_mcp_flexion_deg", "wrist_x_mm", "subject"} <= set(frames.column_names)
+    assert all((tmp_path / name).is_file() for name in row["exports"].split())
+    assert len(row["exports"].split()) == 2
+    assert not (tmp_path / "recordings").exists()
+
+
+def test_the_cluster_object_of_slurm():
+    jobqueue = pytest.importorskip("dask_jobqueue", reason="dask-jobqueue is not installed")
+    cluster = jobqueue.SLURMCluster(
+        cores=1, processes=1, memory="2GB", walltime="08:00:00", n_workers=0
+    )
+    try:
+        assert "#SBATCH --cpus-per-task=1" in cluster.job_script()
+        assert "distributed.cli.dask_worker" in cluster.job_script() or "dask worker" in (
+            cluster.job_script()
+        )
+    finally:
+        cluster.close()

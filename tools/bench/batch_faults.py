@@ -91,6 +91,18 @@ class Bench:
         """A random time of an undisturbed run [s]."""
         return self.rng.uniform(0.1, 1.0) * self.seconds
 
+    def _difference(self, table: Any) -> str:
+        """The first of what differs."""
+        if table.num_rows != self.wanted.num_rows:
+            return f"{table.num_rows} rows, expected {self.wanted.num_rows}"
+        for name in RESULTS:
+            pairs = zip(table[name].to_pylist(), self.wanted[name].to_pylist(), strict=True)
+            for i, (got, wanted) in enumerate(pairs):
+                if got != wanted:
+                    clip, error = table["clip"][i], table["error"][i]
+                    return f"{name} of {clip} is {got}, expected {wanted} ({error})"
+        return "types of columns"
+
     def same(self, out: str) -> str:
         """Whether the results are those of the undisturbed run, in words."""
         store = Store(out)
@@ -98,7 +110,7 @@ class Bench:
         if table is None:
             return "WRONG: no table"
         if not table.select(list(RESULTS)).equals(self.wanted.select(list(RESULTS))):
-            return "WRONG: the table differs"
+            return f"WRONG: {self._difference(table)}"
         recordings = set(store.names("recordings"))
         if any(name not in recordings for name in table["recording"].to_pylist()):
             return "WRONG: a recording is missing"
