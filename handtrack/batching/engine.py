@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import queue
-import signal
-import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from typing import Any, NamedTuple, TypeVar
 
 from handtrack import __version__
@@ -24,11 +20,9 @@ TICK_S = 0.5
 """Progress is looked at so often."""
 _COUNT_S = 2.0
 """Workers are counted so often."""
-_CONNECT_S = 10
-_STARTS = 3
+CONNECT_S = 10
 _GONE_S = 20.0
 """A scheduler that has not answered for so long is gone."""
-_THREADS = ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM")
 
 
 class Died(NamedTuple):
@@ -50,19 +44,6 @@ class EngineError(HandtrackError):
 def versions() -> tuple[str, str]:
     """Of handtrack and of Python, where this runs."""
     return __version__, ".".join(platform.python_version_tuple()[:2])
-
-
-def _settings(failures: int | None) -> dict[str, Any]:
-    environment = {f"{name}_NUM_THREADS": 1 for name in _THREADS}
-    found: dict[str, Any] = {
-        "distributed.nanny.pre-spawn-environ": environment,
-        "distributed.comm.timeouts.connect": f"{_CONNECT_S}s",
-        "distributed.admin.low-level-log-length": 0,
-        "distributed.worker.memory.recent-to-old-time": "30s",
-    }
-    if failures is not None:
-        found["distributed.scheduler.allowed-failures"] = failures
-    return found
 
 
 class Engine:
@@ -107,12 +88,40 @@ class Engine:
                     f" {here[0]} on Python {here[1]}: install the same on both"
                 )
 
+    def warm_up(self, function: Callable[..., bool], *arguments: Any) -> None:
+        """Have machine code compiled by one worker of each host, and that worker started anew.
+
+        Args:
+            function: does so, and tells whether anything had to be compiled.
+            arguments: its.
+
+        Raises:
+            HandtrackError: what the function raised.
+        """
+        hosts: dict[str, str] = {}
+        for address in sorted(self.client.nthreads()):
+            hosts.setdefault(address.rpartition(":")[0], address)
+        for address in hosts.values():
+            future = self.client.submit(
+                _called,
+                function,
+                arguments[0],
+                arguments[1:],
+                versions(),
+                workers=[address],
+                allow_other_workers=True,
+                pure=False,
+            )
+            if future.result() and not address.startswith("inproc"):
+                with suppress(ValueError, OSError, TimeoutError, RuntimeError):
+                    self.client.restart_workers([address], timeout=CONNECT_S)
+
     def results(
         self,
         function: Callable[..., _Result],
         tasks: Callable[[], _Task | None],
         arguments: tuple[Any, ...],
-        alone: bool = False,
+        most: int | None = None,
         tick: Callable[[], None] = lambda: None,
     ) -> Iterator[tuple[_Task, _Result | Died]]:
         """Run a function on tasks, as many at a time as keeps the workers busy.
@@ -123,8 +132,8 @@ class Engine:
             function: called with a task and the arguments.
             tasks: gives the next task, None when there are no more.
             arguments: of every call.
-            alone: no task waits at a worker behind another one, so that one that dies with its
-                worker takes no other with it.
+            most: tasks at a time at most. Of one at a time, one that dies with its worker takes
+                no other with it.
             tick: called now and then.
 
         Yields:
@@ -140,7 +149,7 @@ class Engine:
         try:
             while True:
                 # workers come and go
-                width = max(1, self.workers) * (1 if alone else 2)
+                width = most or 2 * max(1, self.workers)
                 while more and len(waiting) < width:
                     task = tasks()
                     if task is None:
@@ -202,138 +211,3 @@ def _called(
             f" Python {wanted[1]}: install the same on both"
         )
     return function(task, *arguments)
-
-
-@contextmanager
-def engine(
-    client: Any = None,
-    scheduler: str | None = None,
-    workers: int | None = None,
-    processes: bool = True,
-) -> Iterator[Engine]:
-    """What runs the work while the block lasts.
-
-    Args:
-        client: of Dask's; it stays open.
-        scheduler: address of a scheduler; by default a cluster of this machine's cores is made.
-        workers: how many processes of this machine; by default one for each core.
-        processes: whether they are processes, or threads of this one.
-
-    Raises:
-        SettingsError: Dask is not installed, no scheduler answers, or workers do not fit.
-    """
-    distributed = needed("distributed")
-    import dask
-
-    if client is not None:
-        made = Engine(client, str(getattr(client, "dashboard_link", "") or ""))
-        made.check()
-        yield made
-        return
-    with dask.config.set(_settings(0)):
-        if scheduler is not None:
-            with _connected(distributed, scheduler) as remote:
-                made = Engine(remote, str(remote.dashboard_link or ""))
-                made.check()
-                yield made
-            return
-        with (
-            tempfile.TemporaryDirectory(prefix="handtrack-workers-") as folder,
-            _local(distributed, workers or cores(), processes, folder) as cluster,
-            distributed.Client(cluster, timeout=60) as local,
-        ):
-            yield Engine(local, str(cluster.dashboard_link) if _has_dashboard() else "")
-
-
-@contextmanager
-def _connected(distributed: Any, address: str) -> Iterator[Any]:
-    with _quiet():
-        try:
-            client = distributed.Client(address, timeout=_CONNECT_S)
-        except (OSError, TimeoutError, ValueError) as error:
-            reason = str(error).partition("\n")[0] or type(error).__name__
-            raise SettingsError(
-                f"--scheduler {address}: no scheduler answers there ({reason}); `dask scheduler`"
-                " starts one"
-            ) from None
-    try:
-        yield client
-    finally:
-        with suppress(OSError, TimeoutError, RuntimeError):
-            client.close(timeout=2)
-
-
-@contextmanager
-def _local(distributed: Any, workers: int, processes: bool, folder: str) -> Iterator[Any]:
-    options = {
-        "n_workers": workers,
-        "threads_per_worker": 1,
-        "processes": processes,
-        "host": "127.0.0.1",
-        "dashboard_address": "127.0.0.1:0" if _has_dashboard() else None,
-        "local_directory": folder,
-        "silence_logs": "CRITICAL",
-    }
-    with _interrupts_left_to_us():
-        cluster = _started(distributed.LocalCluster, options)
-    try:
-        yield cluster
-    finally:
-        with suppress(OSError, TimeoutError, RuntimeError):
-            cluster.close(timeout=10)
-
-
-def _started(cluster: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """A cluster; a worker that dies while it starts is no reason to give up at once.
-
-    Raises:
-        EngineError: it does not start.
-    """
-    for left in range(_STARTS - 1, -1, -1):
-        try:
-            return cluster(**options)
-        except (RuntimeError, OSError, TimeoutError) as error:
-            if not left:
-                reason = str(error).partition("\n")[0] or type(error).__name__
-                raise EngineError(f"workers cannot be started: {reason}") from error
-    return None
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _has_dashboard() -> bool:
-    try:
-        import bokeh  # noqa: F401
-    except ImportError:
-        return False
-    return True
-
-
-@contextmanager
-def _interrupts_left_to_us() -> Iterator[None]:
-    """Processes that are started meanwhile do not hear Ctrl-C: this one ends them in order."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Dask's own words on what is told in one line anyway are not printed."""
-    import logging
-
-    logger = logging.getLogger("distributed")
-    before = logger.level
-    logger.setLevel(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        logger.setLevel(before)

@@ -14,6 +14,7 @@ from handtrack.batching.hands import Pooled, file_digest
 from handtrack.batching.settings import BatchSettings, digest
 from handtrack.batching.source import read_clip
 from handtrack.batching.store import Store, StoreError
+from handtrack.batching.warm import one_thread
 from handtrack.calibration.calibrate import Calibration, calibrate
 from handtrack.calibration.explain import explain
 from handtrack.calibration.settings import MIN_FRAMES
@@ -118,7 +119,11 @@ def find_hands(pool: Pool, place: str, settings: BatchSettings) -> Found:
     Raises:
         StoreError: they cannot be written, or the clips' store does not answer.
     """
-    store = Store(place)
+    with one_thread():
+        return _hands_of(pool, Store(place), settings)
+
+
+def _hands_of(pool: Pool, store: Store, settings: BatchSettings) -> Found:
     sequences: list[Sequence] = []
     notes: list[str] = []
     for clip in pool.clips:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from os import PathLike
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from handtrack.batching.clip import Clip
-from handtrack.batching.engine import Died, Engine, EngineError, engine
+from handtrack.batching.cluster import engine
+from handtrack.batching.engine import Died, Engine, EngineError
 from handtrack.batching.journal import compact, compacted_as_far_as_possible, earlier
 from handtrack.batching.lock import only_run
 from handtrack.batching.manifest import clips_of, clips_of_table
@@ -20,6 +22,7 @@ from handtrack.batching.progress import Progress
 from handtrack.batching.rows import FAILED, row_without
 from handtrack.batching.settings import BatchSettings
 from handtrack.batching.store import Store, StoreError
+from handtrack.batching.warm import warm_up
 from handtrack.batching.work import Done, Task, do_task, write_journal
 from handtrack.errors import HandtrackError
 from handtrack.tracking.settings import TrackSettings
@@ -28,6 +31,8 @@ if TYPE_CHECKING:
     import pyarrow
 
 
+_FEW = 8
+"""Clips of workers that died that are tried one after another; more of them first side by side."""
 GO_ON = "what is done is kept, the same command goes on from there"
 
 
@@ -53,7 +58,7 @@ class Outcome(NamedTuple):
 
 
 class Where(NamedTuple):
-    """What runs the work: see `handtrack.batching.engine.engine`."""
+    """What runs the work: see `handtrack.batching.cluster.engine`."""
 
     client: Any = None
     scheduler: str | None = None
@@ -224,25 +229,26 @@ class _Run:
         processes = where.processes and not self._store.place.startswith("memory://")
         made = stack.enter_context(engine(where.client, where.scheduler, where.workers, processes))
         self._watch.dashboard = made.dashboard
+        made.warm_up(warm_up, self._settings)
         return made
 
     def _find(self, made: Engine, missing: list[Pool]) -> None:
         self._watch.begin("subjects' hands", len(missing))
-        suspects = self._find_once(made, missing, alone=False)
-        waiting = self._find_once(made, suspects, alone=True)
+        suspects = self._find_once(made, missing)
+        waiting = self._find_once(made, suspects, most=1)
         for pool in waiting:
             self._notes.append(
                 f"no pooled hand of {pool.subject}: a worker died twice on its clips"
             )
 
-    def _find_once(self, made: Engine, some: list[Pool], alone: bool) -> list[Pool]:
+    def _find_once(self, made: Engine, some: list[Pool], most: int | None = None) -> list[Pool]:
         """Find the hands of some subjects; those that a worker died of."""
         waiting, died = list(reversed(some)), []
         results = made.results(
             find_hands,
             lambda: waiting.pop() if waiting else None,
             (self._store.place, self._settings),
-            alone,
+            most,
             self._watch.show,
         )
         for pool, found in results:
@@ -259,24 +265,37 @@ class _Run:
         arguments = (self._store.place, self._settings)
         suspects: list[Planned] = []
         show = self._watch.show
-        for task, done in made.results(do_task, portions.next, arguments, False, show):
+        for task, done in made.results(do_task, portions.next, arguments, None, show):
             if isinstance(done, Died):
                 suspects += parts_of(task)
             else:
                 portions.took(done.clips, done.seconds)
                 self._done(done)
-        # those that were at a worker that died are tried once more, each by itself
-        waiting = [task_of([planned]) for planned in suspects]
-        if waiting:
-            self._watch.says(f"a worker died: {len(waiting)} clips are tried once more")
-        ones = made.results(
-            do_task, lambda: waiting.pop(0) if waiting else None, arguments, True, show
+        if not suspects:
+            return
+        self._watch.says(f"a worker died: {len(suspects)} clips are tried once more")
+        if len(suspects) > _FEW:
+            suspects = self._once_more(made, suspects, max(1, made.workers // 2))
+        for planned in self._once_more(made, suspects, 1):
+            self._gave_up(task_of([planned]))
+
+    def _once_more(self, made: Engine, suspects: list[Planned], most: int) -> list[Planned]:
+        """Clips that were at a worker that died, each by itself; those that it dies of again."""
+        waiting = deque(suspects)
+        died: list[Planned] = []
+        results = made.results(
+            do_task,
+            lambda: task_of([waiting.popleft()]) if waiting else None,
+            (self._store.place, self._settings),
+            most,
+            self._watch.show,
         )
-        for task, done in ones:
+        for task, done in results:
             if isinstance(done, Died):
-                self._gave_up(task)
+                died += parts_of(task)
             else:
                 self._done(done)
+        return died
 
     def _done(self, done: Done) -> None:
         self._tracked += done.clips

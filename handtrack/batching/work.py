@@ -20,6 +20,7 @@ from handtrack.batching.rows import FAILED, PASSED, SAME, Row, row_of, row_witho
 from handtrack.batching.settings import BatchSettings
 from handtrack.batching.source import Read, at_hand, content_digest, read_clip, read_truth
 from handtrack.batching.store import Store, StoreError
+from handtrack.batching.warm import one_thread
 from handtrack.errors import HandtrackError, InputError
 from handtrack.evaluation.stability import Stability, stability, stability_of_pair
 from handtrack.sequences.identity import repair_identity
@@ -146,12 +147,13 @@ def track_clip(
         return [row_without(clip, state, str(error), kind, said | times)]
 
     try:
-        try:
-            read = read_clip(clip, settings.reading)
-        except StoreError as error:
-            return failed(FAILED, error, "store")
-        said["input_digest"] = read.digest
-        return _tracked(clip, read, settings, out, hands or {}, said, start)
+        with one_thread():
+            try:
+                read = read_clip(clip, settings.reading)
+            except StoreError as error:
+                return failed(FAILED, error, "store")
+            said["input_digest"] = read.digest
+            return _tracked(clip, read, settings, out, hands or {}, said, start)
     except StoreError:
         raise
     except NotJointsError as error:

@@ -144,9 +144,9 @@ def test_a_second_run_says_so_and_stops(data_set, client, tmp_path):
 
 
 def test_a_scheduler_that_is_not_there_is_told(data_set, tmp_path, monkeypatch):
-    from handtrack.batching import engine
+    from handtrack.batching import cluster
 
-    monkeypatch.setattr(engine, "_CONNECT_S", 1)
+    monkeypatch.setattr(cluster, "CONNECT_S", 1)
     with pytest.raises(SettingsError, match="no scheduler answers there"):
         ht.batch(data_set, tmp_path, scheduler="tcp://127.0.0.1:9", columns=["action"])
 
