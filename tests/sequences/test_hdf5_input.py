@@ -143,3 +143,25 @@ def test_emg2pose_needs_a_profile(tmp_path):
     path = write_emg2pose(tmp_path / "b.hdf5", angles)
     with pytest.raises(InputError, match="no profile of UmeTrack"):
         ht.load(path, profile=profile)
+
+
+def test_a_piece_larger_than_the_file_is_not_made_room_for(tmp_path):
+    angles = np.linspace(0.05, 0.5, 60)[:, None] * np.ones(20)
+    path = write_emg2pose(tmp_path / "a_left.hdf5", angles, "left")
+    with h5py.File(path) as file:
+        sizes: list[int] = []
+        file["emg2pose/timeseries"].id.chunk_iter(lambda info: sizes.append(info.size))
+    data = path.read_bytes()
+    stored = sizes[0].to_bytes(4, "little")
+    assert data.count(stored) == 1
+    path.write_bytes(data.replace(stored, (2_000_000_000).to_bytes(4, "little")))
+    assert "tells of 2000000000 bytes in one piece" in one_line(path)
+
+
+def test_texts_larger_than_the_file_are_not_made_room_for(tmp_path):
+    angles = np.linspace(0.05, 0.5, 60)[:, None] * np.ones(20)
+    path = write_emg2pose(tmp_path / "a_left.hdf5", angles, "left")
+    data = path.read_bytes()
+    at = data.index(b"GCOL") + 8
+    path.write_bytes(data[:at] + (2_000_000_000).to_bytes(8, "little") + data[at + 8 :])
+    assert "2000000000 bytes of text" in one_line(path)

@@ -36,6 +36,7 @@ _APART = 1e-3
 """An end site nearer to its joint than this share of the bone before is no tip."""
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 _BLOCK = 4096
+_FARTHEST = 1e9
 
 
 @dataclass
@@ -158,7 +159,7 @@ def _offset(cells: list[str], line: int, path: Path) -> Array:
         offset = np.array([float(c.replace(",", ".")) for c in cells])
     except ValueError:
         offset = np.zeros(0)
-    if offset.shape != (3,) or not np.isfinite(offset).all():
+    if offset.shape != (3,) or not (np.abs(offset) < _FARTHEST).all():
         raise InputError(f"line {line + 1}: an offset is no three numbers", path)
     return offset
 
@@ -213,7 +214,10 @@ def _values(rows: list[tuple[int, str]], width: int, columns: list[int], path: P
     names = [f"channel {c + 1}" for c in columns]
     first = rows[0][1].split()
     table = Table(lines, [n for n, _ in rows], None, None, first, path)
-    return table.numbers(columns, names)
+    values = table.numbers(columns, names)
+    if not (np.abs(np.nan_to_num(values, nan=0.0)) < _FARTHEST).all():
+        raise InputError("a channel holds a number that is no place and no angle", path)
+    return values
 
 
 def _up(nodes: list[_Node], i: int) -> list[int]:

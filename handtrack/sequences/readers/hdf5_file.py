@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,8 @@ from handtrack.sequences.readers.raw import NotJointsError, Raw
 
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 _MOST_NAMES = 5000
+_HEAP = re.compile(rb"GCOL\x01\0\0\0(.{8})", re.DOTALL)
+_SEARCHED = 256 * budget.MB
 
 
 @contextmanager
@@ -31,6 +34,7 @@ def opened(path: Path) -> Iterator[Any]:
         raise InputError(
             'HDF5 needs the package h5py: pip install "handtrack[formats]"', path
         ) from None
+    _check_heaps(path)
     try:
         with h5py.File(path, "r", locking=False) as file:
             yield file
@@ -40,6 +44,24 @@ def opened(path: Path) -> Iterator[Any]:
         raise InputError(
             f"the HDF5 file is damaged or cut short ({shown(str(error), 120)})", path
         ) from None
+
+
+def _check_heaps(path: Path) -> None:
+    """Refuse a heap of texts that is said to be larger than the file: the library would make
+    room for it before it looks.
+
+    Raises:
+        InputError: there is one.
+    """
+    size = path.stat().st_size
+    if size > _SEARCHED:
+        return
+    for found in _HEAP.finditer(budget.read(path)):
+        told = int.from_bytes(found[1], "little")
+        if told > size:
+            raise InputError(
+                f"the HDF5 file is damaged: it tells of {told} bytes of text, and has {size}", path
+            )
 
 
 def names_in(group: Any, path: Path) -> list[str]:
@@ -84,8 +106,19 @@ def dataset(group: Any, name: str, path: Path) -> Any:
         raise InputError(f"{shown(name, 60)} is stored in other files, which are not read", path)
     if found.shape is None:
         return None
-    size = int(np.prod(found.shape, dtype=object)) * found.dtype.itemsize
-    budget.check(size, path, path.stat().st_size, shown(name, 60))
+    packed = path.stat().st_size
+    # a chunk is unpacked as a whole, however little is asked for
+    for shape in (found.shape, found.chunks or ()):
+        size = int(np.prod(shape, dtype=object)) * found.dtype.itemsize
+        budget.check(size, path, packed, shown(name, 60))
+    stored: list[int] = []
+    if found.chunks:
+        found.id.chunk_iter(lambda info: stored.append(info.size))
+    if max(stored, default=0) > packed:
+        raise InputError(
+            f"{shown(name, 60)} tells of {max(stored)} bytes in one piece, the file has {packed}",
+            path,
+        )
     return found
 
 
