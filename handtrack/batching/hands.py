@@ -14,6 +14,7 @@ from handtrack.batching.settings import BatchSettings
 from handtrack.batching.store import Store, StoreError
 from handtrack.calibration.calibrate import calibrate
 from handtrack.calibration.explain import explain
+from handtrack.detectors.chosen import seen_by
 from handtrack.errors import InputError
 from handtrack.files.scratch import scratch
 from handtrack.hand.hand_file import load_hand
@@ -76,6 +77,7 @@ def hand_for(
         return Chosen(model, how, "given" if how == "none" else "own", {})
     base = settings.models.of(sequence.hand)
     hand = pooled_hand(place, pooled.name, pooled.digest, base)
+    hand, _ = seen_by(hand, settings.tracking.detector, sequence.detector)
     try:
         found = explain(hand, sequence, EXPLAINED)
     except InputError:  # too few joints to judge by, which is no reason not to track

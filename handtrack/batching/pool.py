@@ -18,6 +18,7 @@ from handtrack.batching.warm import one_thread
 from handtrack.calibration.calibrate import Calibration, calibrate
 from handtrack.calibration.explain import explain
 from handtrack.calibration.settings import MIN_FRAMES
+from handtrack.detectors.chosen import seen_by
 from handtrack.errors import HandtrackError
 from handtrack.files.scratch import scratch
 from handtrack.hand.hand_file import save_hand
@@ -163,7 +164,9 @@ def _found(
     method = settings.tracking.calibration.by
     frames = max(MIN_FRAMES, min(settings.tracking.calibration.frames, _FRAMES // len(chosen)))
     base = settings.models.of(chosen[0].hand)
-    calibration = calibrate(base, chosen, method, frames=frames)
+    base, profile = seen_by(base, settings.tracking.detector, chosen[0].detector)
+    noise = None if profile is None else profile.noise
+    calibration = calibrate(base, chosen, method, frames=frames, noise=noise)
     about: dict[str, object] = _told(calibration) | {"sources": [s.source for s in chosen]}
     if calibration.method in ("full", "lengths"):
         about |= explain(calibration.model, chosen, frames).summary()

@@ -63,6 +63,7 @@ def from_cameras(
     models: Models,
     calibrate: bool | str,
     quiet: bool,
+    detector: str,
 ) -> tuple[Item, float]:
     """Hands followed in the pictures of calibrated cameras.
 
@@ -76,7 +77,9 @@ def from_cameras(
     import numpy as np
 
     import handtrack as ht
+    from handtrack.detectors.chosen import seen_by
     from handtrack.files.pictures import pictures_in
+    from handtrack.hand.reshape import without_landmarks
     from handtrack.video.placing import Seen
     from handtrack.video.views import follow, views_of
 
@@ -103,9 +106,15 @@ def from_cameras(
         model, method = models.subject(points, calibrate)
         if method != "none":
             methods: dict[Any, str] = {True: "auto", False: "scale"}
-            model = ht.calibrate(model, points, methods.get(method, method)).model
-        models.keep(model)
+            model, profile = seen_by(model, detector, points.detector)
+            noise_of = None if profile is None else profile.noise
+            way = methods.get(method, method)
+            model = ht.calibrate(model, points, way, noise=noise_of).model
+        else:
+            model, _ = seen_by(model, detector, points.detector)
         followed = follow(views, model)
+        # what follows are joint centres
+        models.keep(without_landmarks(model))
         sequences.append(followed.sequence)
         noise.append(followed.noise_mm)
         pixels = followed.reprojection[np.isfinite(followed.reprojection)]

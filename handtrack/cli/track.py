@@ -79,12 +79,12 @@ def track(
     mano = {name: options[name] for name in ("mano", "mano_tips")}
     models = take_models(options, limits)
     if models.file is not None and is_default("calibrate"):
-        settings = settings.but(calibrate="none")
+        settings = settings.but(calibrate="none", detector="none")
     reading, silent = Reading(**options, **mano), quiet or as_json
     if camera is not None:
         with compiling_said(silent):
             method = settings.calibration.method
-            views = from_cameras(camera, inputs, reading, models, method, silent)
+            views = from_cameras(camera, inputs, reading, models, method, silent, settings.detector)
         given, noise = Given([views[0]]), views[1]
         settings = settings.but(calibrate="none")
         if settings.fit.noise_mm is None:

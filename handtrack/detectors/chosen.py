@@ -4,8 +4,23 @@ from __future__ import annotations
 
 from handtrack.detectors.profile import Profile
 from handtrack.detectors.profile_file import NO_PROFILE, load_profile, shipped
+from handtrack.hand.model import HandModel
+from handtrack.hand.reshape import without_landmarks
 
 AUTO = "auto"
+
+
+def seen_by(model: HandModel, wanted: str, said: str) -> tuple[HandModel, Profile | None]:
+    """A hand with the landmarks of a detector, and its profile; arguments as `chosen_profile`.
+
+    Landmarks that a hand has already, as one from a recording, stay.
+    """
+    if wanted == NO_PROFILE:
+        return without_landmarks(model), None
+    profile = chosen_profile(wanted, said)
+    if profile is None or model.has_landmarks:
+        return model, profile
+    return profile.on(model), profile
 
 
 def chosen_profile(wanted: str, said: str) -> Profile | None:

@@ -249,7 +249,11 @@ class ViewResults:
 
     def fit(self, t: int, cameras: Sequence[Camera], pixels: Array, w: Array) -> Fit:
         """Frame t as a Fit; pixels (C, 21, 2) and weights (C, 21) as they were given."""
-        seen = np.stack([camera.project(self.joints[t]) for camera in cameras])
+        marks = self.joints[t]
+        if self._of is not None:
+            turn = self.roots[t][:9].reshape(3, 3)
+            marks = marks + self._of[0].landmarks_from_joints(self.angles[t], turn)
+        seen = np.stack([camera.project(marks) for camera in cameras])
         error = np.where(w > 0, np.linalg.norm(seen - pixels, axis=-1), np.nan)
         rotation = self.roots[t, :9].reshape(3, 3)
         free = max(2 * int((w > 0).sum()) - N_POSE, 1)

@@ -11,12 +11,10 @@ from handtrack.calibration.calibrate import calibrate
 from handtrack.calibration.explain import doubt, explain
 from handtrack.calibration.settings import CalibrationSettings
 from handtrack.deprecated import old_positions
-from handtrack.detectors.chosen import AUTO, chosen_profile
+from handtrack.detectors.chosen import AUTO, seen_by
 from handtrack.detectors.profile import Profile
-from handtrack.detectors.profile_file import NO_PROFILE
 from handtrack.errors import InputError
 from handtrack.hand.model import HandModel
-from handtrack.hand.reshape import without_landmarks
 from handtrack.mcap.hand import Event, Head
 from handtrack.mcap.state import Stretch
 from handtrack.sequences.sequence import Sequence
@@ -69,7 +67,7 @@ def track(
             f"the model is a {model.hand} hand, the sequence a {sequence.hand} one",
             sequence.source or None,
         )
-    model, profile = _seen_by(model, sequence, chosen)
+    model, profile = seen_by(model, chosen.detector, sequence.detector)
     hand, found, notes = _subject(model, sequence, chosen.calibration, profile)
     tracker = Tracker(hand, settings=chosen)
     told = {
@@ -113,21 +111,6 @@ def track(
         if progress is not None:
             progress(done)
     return track_of(stretches)
-
-
-def _seen_by(
-    model: HandModel, sequence: Sequence, settings: TrackSettings
-) -> tuple[HandModel, Profile | None]:
-    """The hand with the landmarks of the sequence's detector, and its profile.
-
-    Landmarks that a hand has already, as one from a recording or a file, stay.
-    """
-    if settings.detector == NO_PROFILE:
-        return without_landmarks(model), None
-    profile = chosen_profile(settings.detector, sequence.detector)
-    if profile is None or model.has_landmarks:
-        return model, profile
-    return profile.on(model), profile
 
 
 def _detector_said(settings: TrackSettings, profile: Profile | None) -> dict[str, str]:

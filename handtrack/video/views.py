@@ -253,7 +253,7 @@ def follow(views: Views, model: HandModel) -> Followed:
     n = len(views)
     pixels, weights = np.nan_to_num(views.image), views.weights
     seen = weights > 0
-    joints = np.full((n, 21, 3), np.nan)
+    joints, marks = np.full((n, 21, 3), np.nan), np.full((n, 21, 3), np.nan)
     one = len(views.cameras) == 1
     stiffness = (NOISE_PX / np.deg2rad(PRIOR_DEG)) ** 2 if one else 0.0
     results = ViewResults(1)
@@ -284,9 +284,11 @@ def follow(views: Views, model: HandModel) -> Followed:
             continue
         last = (best[1], best[2])
         joints[t] = best[3]
+        turned = model.landmarks_from_joints(best[1], best[2][:9].reshape(3, 3))
+        marks[t] = best[3] + turned
     error = np.stack(
         [
-            np.linalg.norm(camera.project(joints) - views.image[:, c], axis=-1)
+            np.linalg.norm(camera.project(marks) - views.image[:, c], axis=-1)
             for c, camera in enumerate(views.cameras)
         ],
         1,

@@ -115,6 +115,7 @@ def test_pictures_show_landmarks():
     pixels = np.array([c.project(marks) for c in cameras])
     found = fit_2d(model, pixels, cameras)
     np.testing.assert_allclose(found.joints, joints, atol=2e-4)
+    assert np.nanmax(found.reprojection) < 0.1
 
 
 def test_landmarks_go_with_the_shape():
