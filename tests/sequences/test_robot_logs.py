@@ -143,15 +143,15 @@ def chain(joints: np.ndarray, side: str) -> list[tuple[str, str, Any, Any]]:
     return frames
 
 
-@pytest.mark.parametrize("kind", ["ros", "foxglove"])
+@pytest.mark.parametrize("kind", [TF, "foxglove_msgs/msg/FrameTransforms", "foxglove"])
 def test_named_frames(tmp_path: Path, kind: str) -> None:
     # the headset stands in the world, and moves
     def all_frames(time: int, i: int) -> list[tuple[str, str, Any, Any]]:
         world = [("world", "headset", [0.1 * i, 0, 0], (0, 0, 0, 1))]
         return world + chain(LEFT[i], "left") + chain(RIGHT[i], "right")
 
-    if kind == "ros":
-        entry = ros(TF, lambda time, i: tf_message(time, all_frames(time, i)))
+    if kind != "foxglove":
+        entry = ros(kind, lambda time, i: tf_message(time, all_frames(time, i)))
     else:
         name = "foxglove.FrameTransforms"
         entry = (
