@@ -16,7 +16,17 @@ _GROUPS = {
     _FIRST: (
         *("output", "overwrite", "filter", "hand", "unit", "order", "fps", "rrd", "live"),
         *("camera", "video", "stdin", "udp", "truth", "compare", "html", "save", "web", "to"),
-        *("publish", "overlay", "resume", "workers", "json", "as_json", "quiet", "help"),
+        *(
+            "publish",
+            "overlay",
+            "overlay_skin",
+            "resume",
+            "workers",
+            "json",
+            "as_json",
+            "quiet",
+            "help",
+        ),
     ),
     "Input": (
         *("frames", "format", "key", "columns", "time_unit", "mirror", "max_size", "profile"),

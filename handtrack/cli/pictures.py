@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,23 @@ if TYPE_CHECKING:
     from handtrack.viewer.picture_log import PictureView
 
 
+class _Colour(click.ParamType[Any]):
+    """A colour with a name, or #rrggbb."""
+
+    name = "colour"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> tuple[int, int, int]:
+        """Red, green and blue."""
+        from handtrack.video.overlay import SKINS
+
+        if value in SKINS:
+            return SKINS[value]
+        if not re.fullmatch("#[0-9a-fA-F]{6}", str(value)):
+            self.fail(f"{value}: expected {', '.join(SKINS)} or #rrggbb", param, ctx)
+        red, green, blue = bytes.fromhex(value[1:])
+        return red, green, blue
+
+
 def picture_options(command: Any) -> Any:
     """Give a command the options on pictures."""
     for option in (
@@ -26,6 +44,11 @@ def picture_options(command: Any) -> Any:
             "--overlay",
             type=click.Path(path_type=Path),
             help="Of pictures: the hand drawn over them, .mp4, or .png (the first picture).",
+        ),
+        click.option(
+            "--overlay-skin",
+            type=_Colour(),
+            help="Of the hand drawn over them: blue, green, violet, grey, skin, or #rrggbb.",
         ),
         click.option(
             "--camera",

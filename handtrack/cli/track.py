@@ -26,7 +26,7 @@ from handtrack.cli.outputs import jobs, overwrite_option
 from handtrack.cli.pictures import check_overlay, from_cameras, picture_options
 from handtrack.cli.progress import compiling_said, progress_shown, warm_up
 from handtrack.cli.sources import Given, items_of
-from handtrack.errors import HandtrackError
+from handtrack.errors import HandtrackError, SettingsError
 
 if TYPE_CHECKING:
     from handtrack import Track
@@ -61,6 +61,7 @@ def track(
     rrd: Path | None,
     no_repair: bool,
     overlay: Path | None,
+    overlay_skin: tuple[int, int, int] | None,
     camera: Path | None,
     live: bool,
     connect: str | None,
@@ -93,6 +94,8 @@ def track(
         given = items_of(inputs, reading, silent)
     if overlay is not None:
         check_overlay(overlay, _drawn_over(given, inputs))
+    elif overlay_skin is not None:
+        raise SettingsError("--overlay-skin is the colour of --overlay: give both")
     work = jobs(given.items, inputs, output, rrd)
     sequences = [s for i in given.items if live for s in i.read(reading, silent)]
     show = live_view(live, connect, sequences, mesh=bool(recording.mesh.every))
@@ -107,7 +110,7 @@ def track(
             from handtrack.video.overlay import overlay as draw
 
             progress.says(f"drawing {overlay}")
-            draw(overlay, given.items[0].pictures, made.tracks)
+            draw(overlay, given.items[0].pictures, made.tracks, skin=overlay_skin)
             made.files.append(overlay)
     made.notes += [f"{t.name}: {text}" for t in made.tracks if (text := _doubt(t))]
     _say(made, given, len(work), doing, as_json)

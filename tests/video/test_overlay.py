@@ -13,7 +13,7 @@ from handtrack.hand.rotations import vector_to_matrix
 from handtrack.video.detections import detect
 from handtrack.video.detector import Detection
 from handtrack.video.media import pictures, read_image
-from handtrack.video.overlay import Drawn, draw, overlay
+from handtrack.video.overlay import BONES_OF, STATUS, Drawn, draw, label, overlay
 from handtrack.video.placing import Seen, assumed_camera, place_in_view
 
 pytest.importorskip("av", reason="the extra video is not installed")
@@ -116,6 +116,46 @@ def test_an_overlay_keeps_the_videos_times(made, tmp_path):
     assert read_image(tmp_path / "out.png").shape == (480, 640, 3)
     with pytest.raises(SettingsError, match=r"\.mp4 or \.png"):
         overlay(tmp_path / "out.gif", [Seen.alone(found)], [track])
+
+
+def test_bones_have_their_fingers_colour_and_skin_the_one_asked_for():
+    model, angles, rotation, shift = moving_hand()
+    skin = model.vertices(angles[0], rotation[0], shift[0])
+    joints = model.joints(angles[0], rotation[0], shift[0])
+    grey = np.full((480, 640, 3), 90, dtype=np.uint8)
+    bare = draw(grey, CAMERA, [Drawn("right", skin[:0], model.faces[:0], joints, None)])
+    for finger in range(5):
+        a, b = joints[1 + 4 * finger], joints[2 + 4 * finger]
+        x, y = np.round(CAMERA.project((0.5 * (a + b))[None])[0]).astype(int)
+        near = bare[y - 1 : y + 2, x - 1 : x + 2].reshape(-1, 3).astype(int)
+        off = [np.abs(near - colour).sum(1).min() for colour in BONES_OF]
+        assert int(np.argmin(off)) == finger
+    nowhere = np.full((21, 3), np.nan)
+    red = draw(grey, CAMERA, [Drawn("right", skin, model.faces, nowhere, None)], (255, 0, 0))
+    drawn = red[(red != 90).any(-1)].astype(int)
+    assert (drawn[:, 1] == drawn[:, 2]).all()
+    assert (drawn[:, 0] > drawn[:, 1]).all()
+
+
+def test_the_number_and_the_status_are_written_in_the_corner():
+    black = np.zeros((480, 640, 3), np.uint8)
+    first, second, lost = black.copy(), black.copy(), black.copy()
+    label(first, 7, [("right", "fitted")])
+    label(second, 8, [("right", "fitted")])
+    label(lost, 7, [("right", "lost")])
+    changed = (first != 0).any(-1)
+    assert changed[:40, :200].sum() > 100
+    assert changed.sum() == changed[:40, :200].sum()
+    assert (first[:16] != second[:16]).any()
+    assert (first[18:] == second[18:]).all()  # the status is the same
+    assert (lost[18:] == STATUS["lost"]).all(-1).any()
+    assert not (first == STATUS["lost"]).all(-1).any()
+
+
+def test_the_skin_of_the_overlay_is_a_colour(tmp_path, capsys, sample_file):
+    for given, said in (("pink", "violet, grey, skin or #rrggbb"), ("#ff0000", "give both")):
+        assert run(["track", str(sample_file), "--overlay-skin", given]) == 2
+        assert said in capsys.readouterr().err
 
 
 def test_the_command_line_refuses_what_cannot_be_drawn(tmp_path, capsys, sample_file):
