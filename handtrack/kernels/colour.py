@@ -25,6 +25,8 @@ from handtrack.kernels.vectors import (
 
 CHANCE = 0.1
 """A correlation that white noise shows too, in few frames or on a hand that does not fit."""
+FINE = 0.3e-3**2
+"""Variance of the joints below which residuals are the hand's, and no detector's noise [m^2]."""
 # of residuals that hardly change, this part counts as noise
 LEAST_MOVING = 0.05
 # pairs of joints before anything is said; time over which means and correlations forget [s]
@@ -81,6 +83,6 @@ def follow_share(s, dt, targets, weights, raw):
             s.whole += dot(left, left)
         put_row(s.residual, k, now)
         s.had[k] = 1
-    enough = s.pairs > LEAST_PAIRS and s.squares > 0.0
+    enough = s.pairs > LEAST_PAIRS and s.squares > 0.0 and s.noise > FINE
     s.share = share_of(s.products / s.squares, dt, s.lasts) if enough else 0.0
     s.moving = min(s.squares / s.whole, 1.0) if enough and s.whole > 0.0 else 1.0

@@ -61,6 +61,8 @@ def come_to(s, works, solver, settings, motion, now, frame, note, seen):
         s.share, s.moving = settings[SHARE], settings[MOVING]
     else:
         follow_share(s, dt, targets, weights, raw)
+        if settings[MOVING] >= 0.0:
+            s.moving = settings[MOVING]
     s.white, s.colour = parts_of(s.share, s.moving)
     kind = enter(s, settings, process, now, raw, note)
     age_drift(s, dt, weights)
@@ -94,7 +96,8 @@ def filter_drifting_frames(
     Args:
         states: (1,) DRIFTING.
         settings: as in `filter_frames`; then what share of the joints' noise lasts, negative to
-            follow it, what part of the residuals is not their mean, and how long it lasts [s].
+            follow it, what part of the residuals is not their mean,
+            negative to follow it, and how long it lasts [s].
         kept: (T,) KEPT_DRIFTING.
         hand, solver, motion, time_ns, targets, weights, raw, out, notes, keep: as there.
     """

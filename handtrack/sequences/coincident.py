@@ -12,7 +12,7 @@ from handtrack.sequences.readers.raw import Array
 from handtrack.sequences.size import palm_length
 from handtrack.sequences.skeleton_check import misfit
 
-_DIRECTION = np.array([1.0, math.pi, math.e]) / np.linalg.norm([1.0, np.pi, np.e])
+_DIRECTION = np.array([1.0, math.pi, math.e]) / np.linalg.norm([1.0, math.pi, math.e])
 # joints are at one place if this near, over the palm's length
 _NEAR = 1e-3
 # with so many others at its place none is to be believed

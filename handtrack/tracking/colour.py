@@ -35,7 +35,8 @@ def lasting_share(frames: Frames, lasts_s: float) -> tuple[float, float]:
     pairs = (seen[1:] & seen[:-1])[..., None]
     before, after = np.where(pairs, left[:-1], 0.0), np.where(pairs, left[1:], 0.0)
     squares = 0.5 * float(np.square(before).sum() + np.square(after).sum())
-    if pairs.sum() <= colour.LEAST_PAIRS or squares == 0.0:
+    noise = np.nanmedian(raw[:, rows.OUT_NOISE]) if seen.any() else 0.0
+    if pairs.sum() <= colour.LEAST_PAIRS or squares == 0.0 or not noise > colour.FINE:
         return 0.0, 1.0
     correlation = float((before * after).sum()) / squares
     dt = 1e-9 * float(np.median(np.diff(times_ns)))

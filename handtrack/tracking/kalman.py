@@ -127,7 +127,8 @@ class DriftingFilter(KalmanFilter):
 
     Attributes:
         share: of the noise, how much lasts; negative to follow it.
-        moving: what part of the residuals is not their mean.
+        moving: what part of the residuals is not their mean; negative to follow it.
+        landmarks: whether the hand has landmarks that are no joints.
         lasts_s: for how long, to 1/e [s].
     """
 
@@ -140,7 +141,9 @@ class DriftingFilter(KalmanFilter):
         """As `KalmanFilter`."""
         super().__init__(model, settings)
         said = settings.filter.noise_colour
-        self.share, self.moving = -1.0, 1.0
+        # landmarks that are no joints: what they are off by turns with the fingers
+        self.landmarks = model.has_landmarks
+        self.share, self.moving = -1.0, 1.0 if self.landmarks else -1.0
         self.lasts_s = LASTS_S if isinstance(said, str) else float(said)
 
     @property
@@ -238,7 +241,9 @@ class Smoother:
         share = 0.0
         if self._drifting is not None:
             share, moving = lasting_share(inputs, self._drifting.lasts_s)
-            self._drifting.share, self._drifting.moving = share, moving
+            self._drifting.share = share
+            if not self._drifting.landmarks:
+                self._drifting.moving = moving
         follow = self._learn and share > 0.0
         if self._drifting is not None and share > 0.0:
             self._kalman, forget_s = self._drifting, _FORGET_S
