@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.deprecated import old_arguments, renamed
+from handtrack.errors import InputError
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import ANGLE_JOINT, Hand
 from handtrack.mcap.hand import Event as Event
 from handtrack.mcap.hand import Head
 from handtrack.mcap.state import States, Stretch
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 Array = NDArray[np.float64]
 STATUSES = ("fitted", "predicted", "lost")
@@ -55,7 +60,7 @@ class SkinOfFrames:
 
 @renamed(sweeps="iterations")
 @old_arguments(sweeps="iterations")
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Track(States):
     """A tracked sequence. Recorders, replay, metrics and reports see only this.
 
@@ -96,6 +101,58 @@ class Track(States):
             faces=self.faces,
             n_vertices=self.n_vertices,
         )
+
+    def between(self, start_s: float | None = None, end_s: float | None = None) -> Track:
+        """The part from one time to another, both included [s from the first frame]; events too.
+
+        Raises:
+            InputError: no frame lies there.
+        """
+        first = int(self.time_ns[0]) if len(self) else 0
+        seconds = (self.time_ns - first) * 1e-9
+        keep = np.ones(len(self), dtype=bool)
+        keep &= seconds >= (-np.inf if start_s is None else start_s)
+        keep &= seconds <= (np.inf if end_s is None else end_s)
+        if not keep.any():
+            last = seconds[-1] if len(seconds) else 0.0
+            raise InputError(f"no frame from {start_s} to {end_s} s, there are 0 to {last:.3f} s")
+        arrays: dict[str, Any] = {
+            name: None if a is None else a[keep] for name, a in self.arrays().items()
+        }
+        a, b = self.time_ns[keep][0], self.time_ns[keep][-1]
+        events = tuple(event for event in self.events if a <= event.time_ns <= b)
+        return replace(self, **arrays, events=events)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """A pandas table: a row for each frame, by `time_s` from the first; units in the names of
+        columns (`index_mcp_flexion_deg`, `wrist_x_mm`), as `handtrack export` writes .csv.
+
+        Raises:
+            SettingsError: pandas is not installed (extra `data`).
+        """
+        from handtrack.tracking.labelled import dataframe
+
+        return dataframe(self)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """All arrays with named dimensions (time [s], joint, space, angle); units in `attrs`.
+
+        Raises:
+            SettingsError: xarray is not installed (extra `data`).
+        """
+        from handtrack.tracking.labelled import dataset
+
+        return dataset(self)
+
+    def __repr__(self) -> str:
+        from handtrack.tracking.labelled import short
+
+        return short(self)
+
+    def _repr_html_(self) -> str:
+        from handtrack.tracking.labelled import as_html
+
+        return as_html(self)
 
     @property
     def error(self) -> Array:

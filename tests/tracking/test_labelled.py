@@ -1,0 +1,61 @@
+"""Tracks as tables of other libraries, in part, and as they print themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import handtrack as ht
+from handtrack.errors import InputError
+from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES
+
+
+@pytest.fixture(scope="module")
+def track(sample) -> ht.Track:
+    return ht.track(sample.frames(0, 59), filter="kalman")
+
+
+def test_a_part_by_time(track):
+    part = track.between(0.5, 1.0)
+    inside = (track.time_ns - track.time_ns[0] >= 0.5e9) & (track.time_ns - track.time_ns[0] <= 1e9)
+    np.testing.assert_array_equal(part.frame_index, track.frame_index[inside])
+    np.testing.assert_array_equal(part.angles, track.angles[inside])
+    assert all(part.time_ns[0] <= event.time_ns <= part.time_ns[-1] for event in part.events)
+    assert len(track.between()) == len(track)
+    with pytest.raises(InputError, match=r"no frame from 50 to None s, there are 0 to 1\.967 s"):
+        track.between(50)
+
+
+def test_it_says_what_it_is_in_one_line(track):
+    text = repr(track)
+    assert text.startswith("<Track 'sample', right hand, 60 frames in 1.97 s: 60 fitted, ")
+    assert len(text) < 120
+    html = track._repr_html_()
+    assert html.count("<line") == 20
+    assert "60, 30 a second" in html
+    assert "nan" not in html.partition("</svg>")[0]
+
+
+def test_a_table_of_pandas(track):
+    pytest.importorskip("pandas", reason="pandas is not installed (extra data)")
+    table = track.to_dataframe()
+    assert len(table) == 60
+    assert table.index.name == "time_s"
+    np.testing.assert_allclose(np.diff(table.index), 1 / 30, atol=1e-6)
+    np.testing.assert_allclose(
+        table[[f"{n}_deg" for n in ANGLE_NAMES]].to_numpy(), np.rad2deg(track.angles)
+    )
+    np.testing.assert_allclose(table["wrist_x_mm"], 1e3 * track.filtered_joints[:, 0, 0])
+    np.testing.assert_allclose(table["truth_wrist_z_mm"], 1e3 * track.truth[:, 0, 2])
+
+
+def test_a_data_set_of_xarray(track):
+    pytest.importorskip("xarray", reason="xarray is not installed (extra data)")
+    found = track.to_xarray()
+    joints = found["filtered_joints"]
+    assert joints.dims == ("time", "joint", "space")
+    assert (joints.attrs["units"], found["angles"].attrs["units"]) == ("m", "rad")
+    tip = found["observed"].sel(joint="index_tip", space="y").to_numpy()
+    np.testing.assert_array_equal(tip, track.observed[:, JOINT_NAMES.index("index_tip"), 1])
+    assert found.sel(time=slice(0.5, 1.0)).sizes["time"] == len(track.between(0.5, 1.0))
+    assert found.attrs["hand"] == "right"
