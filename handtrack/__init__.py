@@ -15,7 +15,7 @@
   `convert` (`Converted` with `Made` and `Loss`).
 - Measure: `stability` (`StabilityReport` of `Stability`, with `Spread`, `Shake`, `Intervals`,
   `Uncertain`, `Material`) of tracks or `Estimate`s; `diff` (`Difference`s, of `Change`s);
-  `metrics`.
+  `metrics`. Doubt: `audit` (`Audited`, of `Finding`s).
 - What went wrong: `InputError`, `SettingsError`, `ModelError`, all `HandtrackError`.
 
 The public names load on first use, so that `import handtrack` and the command line are quick.
@@ -97,6 +97,9 @@ _WHERE = {
     "Made": "converting.convert",
     "Loss": "converting.loss",
     "Exported": "exporting.files",
+    "audit": "auditing.audit",
+    "Audited": "auditing.findings",
+    "Finding": "auditing.findings",
     "stability": "evaluation.stability",
     "Estimate": "evaluation.measure",
     "Stability": "evaluation.results",
@@ -118,6 +121,9 @@ __all__ = [*sorted(_WHERE), "__version__", "metrics"]
 
 if TYPE_CHECKING:
     from handtrack.batching.clip import Clip as Clip
+    from handtrack.auditing.audit import audit as audit
+    from handtrack.auditing.findings import Audited as Audited
+    from handtrack.auditing.findings import Finding as Finding
     from handtrack.batching.run import batch as batch
     from handtrack.batching.settings import BatchSettings as BatchSettings
     from handtrack.batching.settings import Models as Models

@@ -2,7 +2,7 @@
 
 COMMANDS = (
     *("track", "live", "batch", "detect", "calibrate", "profile", "replay", "stability", "export"),
-    "convert",
+    *("convert", "audit"),
     *("info", "retrack", "diff", "recover"),
 )
 """In the order of the help."""

@@ -72,6 +72,7 @@ EXAMPLES = {
     ),
     "export": ("export out.mcap hand.glb", "export recordings/ tables/ --to csv"),
     "convert": ("convert hands.csv out.npz",),
+    "audit": ("audit recordings/sample.npz", "audit DATA/ --html audit.html --mask mask.parquet"),
     "plot": ("plot out.mcap angles.pdf", "plot out.mcap index.png --finger index"),
     "info": ("info out.mcap", "info recordings/ --json"),
     "retrack": ("retrack out.mcap -o again.mcap --filter kalman",),

@@ -1,0 +1,154 @@
+"""Bones that jump, breathe or are no hand's; joints that bend as none can."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from handtrack.auditing.findings import Finding, Marks
+from handtrack.auditing.robust import runs_of, slow, spread
+from handtrack.evaluation.anatomy import bone_lengths
+from handtrack.evaluation.arrays import Array, nan_mean
+from handtrack.hand.skeleton import BASES, N_JOINTS, ORDERS
+from handtrack.sequences.chirality import frame_chirality
+from handtrack.sequences.sequence import Sequence
+from handtrack.sequences.size import palm_length
+from handtrack.sequences.skeleton_check import better_order, median
+
+_JUMP, _JUMP_SPREADS = 0.15, 8.0
+"""A bone that is so much longer or shorter than it was (logarithm), and beyond its noise."""
+_BREATH = 0.04
+"""Slow changes of the hand's size, or of one bone's, that are let pass."""
+_PALM_M = (0.06, 0.125)
+"""Wrist to knuckles, of a child of four to the largest adult."""
+_OPPOSITE, _VOTES = 0.5, 9
+_LEAST_RUN = 5
+# farther than any joint bends: PIP and DIP, with 15 degrees for landmarks that are no centres
+_FOLD_DEG = {1: 150.0, 2: 125.0, 3: 115.0}
+_BACK_DEG = {2: 40.0, 3: 60.0}
+
+
+def bone_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
+    """Lengths that change, at once or slowly."""
+    with np.errstate(divide="ignore"):
+        logs = np.log(bone_lengths(s.joints))
+    logs = np.where(np.isfinite(logs), logs, np.nan)
+    size = median(logs - median(logs, 0), 1)[:, None]  # one camera's depth: all bones together
+    off = logs - median(logs, 0) - size
+    numbers["bones_percent"] = 100 * float(nan_mean(np.expm1(spread(off))))
+    numbers["size_percent"] = 100 * float(np.expm1(spread(size)[0]))
+    most = np.maximum(_JUMP, _JUMP_SPREADS * spread(off))
+    jumps = np.abs(off - slow(off)) > most
+    if jumps.any():
+        t, b = np.unravel_index(
+            int(np.nanargmax(np.where(jumps, np.abs(off) / most, 0))), off.shape
+        )
+        yield Finding(
+            "bone jumps",
+            f"a bone changes its length by {100 * float(np.expm1(np.abs(off[t, b]))):.0f} % in a"
+            f" frame; noise explains {100 * float(np.expm1(most[b])):.0f} %",
+            _of_bones(jumps),
+            float(np.abs(off[t, b]) / most[b]),
+        )
+    breath = np.abs(slow(off)), np.abs(slow(size))
+    # noise is averaged over the window, but not to nothing
+    bounds = np.maximum(_BREATH, 1.5 * spread(off - slow(off))), np.array([_BREATH])
+    marks = _of_bones(breath[0] > bounds[0]) | (breath[1] > bounds[1])
+    marks &= s.present
+    if runs_of(marks.any(1), 2 * _LEAST_RUN):
+        worst = max(float(np.nanmax(b)) for b in breath if not np.isnan(b).all())
+        yield Finding(
+            "bones breathe",
+            f"bones or the whole hand change their size slowly, by up to"
+            f" {100 * float(np.expm1(worst)):.0f} %; {100 * _BREATH:.0f} % is let pass",
+            marks,
+            worst / _BREATH,
+        )
+
+
+def shape_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
+    """A hand of no human's size, or whose joints are another order's."""
+    everywhere = s.present.copy()
+    palm = palm_length(s.joints)
+    numbers["palm_mm"] = 1e3 * palm
+    if palm > 0 and not _PALM_M[0] <= palm <= _PALM_M[1]:
+        ratio = max(palm / _PALM_M[1], _PALM_M[0] / palm)
+        yield Finding(
+            "unit",
+            f"wrist to knuckles is {1e3 * palm:.4g} mm, of a hand 60 to 125: another unit or scale",
+            everywhere,
+            float(ratio),
+        )
+    other = better_order(s.joints, ORDERS["handtrack"], len(s))
+    if other is not None:
+        name = other.name or "two joints exchanged"
+        yield Finding("order", f"the joints make a hand in another order: {name}", everywhere, 4.0)
+
+
+def side_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
+    """Fingers that flex like the other hand's."""
+    sign = 1.0 if s.hand == "right" else -1.0
+    votes = sign * frame_chirality(s.joints)
+    calm = slow(votes[:, None], _VOTES)[:, 0]
+    numbers["chirality"] = float(median(votes, 0))
+    wrong = calm < -_OPPOSITE
+    runs = runs_of(wrong, _LEAST_RUN)
+    if runs:
+        marks = np.zeros(s.present.shape, dtype=bool)
+        for first, last in runs:
+            marks[first : last + 1] = s.present[first : last + 1]
+        where = (
+            "throughout" if marks.any(1).mean() > 0.5 else f"in {int(marks.any(1).sum())} frames"
+        )
+        yield Finding(
+            "other hand",
+            f"the fingers of this {s.hand} hand flex like the other's, {where}",
+            marks,
+            float(-np.nanmin(calm) / _OPPOSITE),
+        )
+
+
+def limit_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
+    """Fingers folded into themselves, or bent backwards."""
+    bent, backwards = signed_bends(s)
+    marks = np.zeros(s.present.shape, dtype=bool)
+    worst = 0.0
+    for angles, fingers, limits in (
+        (bent, slice(0, 5), _FOLD_DEG),
+        (backwards, slice(1, 5), _BACK_DEG),
+    ):
+        for place, most in limits.items():
+            times = np.nan_to_num(angles[:, fingers, place - 1] / most)
+            marks[:, BASES[fingers] + place - 1] |= times > 1
+            worst = max(worst, float(times.max(initial=0.0)))
+    numbers["bent_deg"] = float(np.nanmax(bent, initial=0.0))
+    if marks.any():
+        n = int(marks.any(1).sum())
+        text = f"a finger bends as none can, {worst:.2f} times as far as joints go, in {n} frames"
+        yield Finding("beyond limits", text, marks, worst)
+
+
+def signed_bends(s: Sequence) -> tuple[Array, Array]:
+    """(T, 5, 3) angle at MCP, PIP and DIP of each finger [degrees], and how much of it is
+    backwards (0 where it flexes)."""
+    from handtrack.evaluation.shake import bends
+
+    bent = np.rad2deg(bends(s.joints)).reshape(len(s), 5, 3)
+    x = s.joints
+    across = x[:, 5] - x[:, 17]
+    across = across * (1.0 if s.hand == "right" else -1.0)
+    out = np.zeros_like(bent)
+    for f, base in enumerate(BASES):
+        bones = np.diff(x[:, base : base + 4], axis=1)
+        axis = np.cross(bones[:, :2], bones[:, 1:])
+        back = np.einsum("tij,tj->ti", axis, across) < 0
+        out[:, f, 1:] = np.where(back, bent[:, f, 1:], 0.0)
+    return bent, out
+
+
+def _of_bones(marks: Marks) -> Marks:
+    """(T, 21) of (T, 20) bones: a bone's far joint."""
+    out = np.zeros((len(marks), N_JOINTS), dtype=bool)
+    out[:, 1:] = marks
+    return out
