@@ -56,7 +56,7 @@ def bone_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
     bounds = np.maximum(_BREATH, 1.5 * spread(off - slow(off))), np.array([_BREATH])
     marks = _of_bones(breath[0] > bounds[0]) | (breath[1] > bounds[1])
     marks &= s.present
-    if runs_of(marks.any(1), 2 * _LEAST_RUN):
+    if runs_of(np.asarray(marks.any(1)), 2 * _LEAST_RUN):
         worst = max(float(np.nanmax(b)) for b in breath if not np.isnan(b).all())
         yield Finding(
             "bones breathe",
