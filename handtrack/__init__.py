@@ -120,10 +120,10 @@ find_old_modules()
 __all__ = [*sorted(_WHERE), "__version__", "metrics"]
 
 if TYPE_CHECKING:
-    from handtrack.batching.clip import Clip as Clip
     from handtrack.auditing.audit import audit as audit
     from handtrack.auditing.findings import Audited as Audited
     from handtrack.auditing.findings import Finding as Finding
+    from handtrack.batching.clip import Clip as Clip
     from handtrack.batching.run import batch as batch
     from handtrack.batching.settings import BatchSettings as BatchSettings
     from handtrack.batching.settings import Models as Models
