@@ -7,7 +7,7 @@ import html
 import numpy as np
 from numpy.typing import NDArray
 
-import handtrack as ht
+from handtrack import __version__
 from handtrack.auditing.findings import Audited
 from handtrack.evaluation.shake import palm_motion
 from handtrack.hand.skeleton import BONES
@@ -44,7 +44,7 @@ def to_html(audits: list[Audited]) -> str:
         "<p>The worst first: every kind of fault counts by the square root of the share of frames"
         " it is in, and more the further it is beyond what is let pass.</p>"
         f"<table><tr><th>sequence</th><th>hand</th>{head}<th>found</th></tr>{rows}</table>{parts}"
-        f"<p>Made by handtrack {ht.__version__}.</p></html>"
+        f"<p>Made by handtrack {__version__}.</p></html>"
     )
 
 
