@@ -92,7 +92,7 @@ def _connected(distributed: Any, address: str) -> Iterator[Any]:
 
 @contextmanager
 def _local(distributed: Any, workers: int, processes: bool, folder: str) -> Iterator[Any]:
-    options = {
+    options: dict[str, Any] = {
         "n_workers": workers,
         "threads_per_worker": 1,
         "processes": processes,
@@ -101,6 +101,8 @@ def _local(distributed: Any, workers: int, processes: bool, folder: str) -> Iter
         "local_directory": folder,
         "silence_logs": "CRITICAL",
     }
+    if processes:
+        options["preload"] = ["handtrack.batching.interrupts"]
     with _interrupts_left_to_us():
         cluster = _started(distributed.LocalCluster, options)
     try:
@@ -141,8 +143,7 @@ def _has_dashboard() -> bool:
 
 @contextmanager
 def _interrupts_left_to_us() -> Iterator[None]:
-    """Ctrl-C waits meanwhile; threads and processes that are started never hear it, nor those
-    that they start: this process ends them in order."""
+    """Ctrl-C waits meanwhile: workers that have started do not hear it."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
