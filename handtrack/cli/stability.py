@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -134,7 +136,8 @@ def stability(
             print_table(report)
     if as_json:
         click.echo(to_json(report))
-    for path, write in _files(csv, latex, html):
+    about = {name: tuple(map(str, paths)) for name, paths in methods.items()}
+    for path, write in _files(csv, latex, html, about):
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as part:
             part.write_text(write(report), encoding="utf-8")
@@ -142,14 +145,31 @@ def stability(
             click.echo(f"wrote {path}", err=as_json)
 
 
+def _command() -> str:
+    """What was typed, as far as it differs from what needs no typing."""
+    context = click.get_current_context()
+    options = [
+        f"--{name.replace('_', '-')} {shlex.quote(str(value))}"
+        for name, value in context.params.items()
+        if name != "files" and not is_default(name) and not isinstance(value, bool | tuple)
+    ]
+    files = [shlex.quote(file) for file in context.params["files"]]
+    return " ".join(["handtrack", "stability", *files, *options])
+
+
 def _files(
-    csv: Path | None, latex: Path | None, html: Path | None
+    csv: Path | None,
+    latex: Path | None,
+    html: Path | None,
+    measured: dict[str, tuple[str, ...]],
 ) -> list[tuple[Path, Callable[[Report], str]]]:
     """What is to be written, and how."""
-    from handtrack.evaluation.html_report import to_html
+    from handtrack.evaluation.html_report import About, to_html
     from handtrack.evaluation.tables import to_csv, to_latex
 
-    wanted = ((csv, to_csv), (latex, to_latex), (html, to_html))
+    date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    about = About(date, measured, _command())
+    wanted = ((csv, to_csv), (latex, to_latex), (html, lambda report: to_html(report, about)))
     return [(path, write) for path, write in wanted if path is not None]
 
 

@@ -7,9 +7,11 @@ page stays small and nothing that stands out is lost.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,15 +37,29 @@ _APART_S = 0.4
 PCK_MM = np.linspace(0.0, 50.0, 101)
 
 
-def to_html(report: Report) -> str:
+class About(NamedTuple):
+    """Where a report comes from.
+
+    Attributes:
+        date: when it was made, as it is to be written.
+        files: what each method was measured from; the name is "" of an only one.
+        command: how it was made.
+    """
+
+    date: str = ""
+    files: Mapping[str, Sequence[str]] = MappingProxyType({})
+    command: str = ""
+
+
+def to_html(report: Report, about: About = About()) -> str:  # noqa: B008 - it cannot change
     """The report as a page: errors over time, PCK, joints, angles, worst frames, numbers."""
     page = files("handtrack.evaluation").joinpath("page.html").read_text(encoding="utf-8")
     # "<" inside text must not end the script that holds the data
-    data = json.dumps(page_data(report), allow_nan=False, separators=(",", ":"))
+    data = json.dumps(page_data(report, about), allow_nan=False, separators=(",", ":"))
     return page.replace("/*DATA*/", data.replace("<", "\\u003c"))
 
 
-def page_data(report: Report) -> dict[str, Any]:
+def page_data(report: Report, about: About = About()) -> dict[str, Any]:  # noqa: B008
     """What the page draws, as JSON values; null for what is not there."""
     if isinstance(report, Comparison):
         methods: Mapping[str, StabilityReport] = report.methods
@@ -70,6 +86,9 @@ def page_data(report: Report) -> dict[str, Any]:
     with_angles = max(1, _ANGLE_NUMBERS // (3 * N_ANGLES * bins * len(methods)))
     return {
         "version": __version__,
+        "date": about.date,
+        "command": about.command,
+        "files": [[name, list(paths)] for name, paths in about.files.items()],
         "scope": scope,
         "against": first.overall.against,
         "meaning": MEANING[first.overall.against],
@@ -78,10 +97,11 @@ def page_data(report: Report) -> dict[str, Any]:
         "paper": None if paper is None else paper.to_dict(),
         "methods": [_method(name, methods[name], overall[name]) for name in methods],
         "sequences": [
-            _sequence(row, methods, bins if i < with_angles else 0)
+            _sequence(row, methods, bins if i < with_angles else 0, about)
             for i, row in enumerate(first.sequences)
         ],
         "thresholds": PCK_MM.tolist(),
+        "pck_end": _pck_end([overall[name].pa_mpjpe_mm.p95 for name in methods]),
         "joints": list(JOINT_NAMES),
         "angles": list(ANGLE_NAMES),
         "bones": [list(b) for b in BONES],
@@ -103,6 +123,7 @@ def _method(name: str, report: StabilityReport, row: Stability) -> dict[str, Any
         "std": _interval(sure.std if sure else None, row.pa_mpjpe_mm.std),
         "jitter": _interval(shaky.mean if shaky else None, row.jitter_m_s3),
         "input": _number(None if row.input_pa_mpjpe_mm is None else row.input_pa_mpjpe_mm.mean),
+        "input_jitter": _number(row.input_jitter_m_s3),
         "truth_jitter": _number(row.truth_jitter_m_s3),
         "median": _number(row.pa_mpjpe_mm.median),
         "p95": _number(row.pa_mpjpe_mm.p95),
@@ -118,15 +139,18 @@ def _method(name: str, report: StabilityReport, row: Stability) -> dict[str, Any
 
 
 def _sequence(
-    row: Stability, methods: Mapping[str, StabilityReport], angle_bins: int
+    row: Stability, methods: Mapping[str, StabilityReport], angle_bins: int, about: About
 ) -> dict[str, Any]:
     """One sequence as every method has it."""
-    rows = []
-    for report in methods.values():
+    rows, opened = [], []
+    for name, report in methods.items():
         same = [r for r in report.sequences if (r.name, r.hand) == (row.name, row.hand)]
         if not same and len(report.sequences) == 1:
             same = [r for r in report.sequences if r.hand == row.hand]
         rows.append(same[0] if same else None)
+        paths = about.files.get(name, about.files.get("", ()))
+        # which of several files a sequence is from is not known
+        opened.append(paths[0] if len(paths) == 1 else "")
     known = [r.material for r in rows if r is not None and r.material is not None]
     start = min(int(m.time_ns[0]) for m in known)
     measure = "jitter_m_s3" if row.against == "nothing" else "pa_mpjpe_mm"
@@ -148,7 +172,9 @@ def _sequence(
         "limits": None
         if limits is None
         else np.rad2deg(np.stack([limits.lower, limits.upper], 1)).round(1).tolist(),
-        "worst": [_worst(r, start) if r else [] for r in rows],
+        "worst": [
+            _worst(r, start, path) if r else [] for r, path in zip(rows, opened, strict=True)
+        ],
     }
 
 
@@ -186,8 +212,16 @@ def _trace(
     }
 
 
-def _worst(row: Stability, start: int) -> list[dict[str, Any]]:
-    """The frames with the greatest errors, as skeletons in the palm's frame [mm]."""
+def _pck_end(p95: Sequence[float]) -> float:
+    """Up to which distance [mm] PCK is drawn: twice what 95 % of the frames stay below."""
+    known = [value for value in p95 if np.isfinite(value)]
+    steps = np.array([2.0, 5.0, 10.0, 20.0, 30.0, 40.0, 50.0])
+    return float(steps[min(np.searchsorted(steps, 2 * max(known, default=25.0)), len(steps) - 1)])
+
+
+def _worst(row: Stability, start: int, path: str = "") -> list[dict[str, Any]]:
+    """The frames with the greatest errors, as skeletons in the palm's frame [mm]; and, of a
+    recording at path, the command that opens a second about each."""
     material = row.material
     error = row.frame_values["pa_mpjpe_mm"]
     if material is None or np.isnan(error).all():
@@ -199,7 +233,14 @@ def _worst(row: Stability, start: int) -> list[dict[str, Any]]:
         apart = [abs(int(material.time_ns[t] - material.time_ns[c])) * 1e-9 for c in chosen]
         if all(a >= _APART_S for a in apart):
             chosen.append(int(t))
-    return [_skeleton(material, t, float(error[t]), start) for t in chosen]
+    out = [_skeleton(material, t, float(error[t]), start) for t in chosen]
+    for frame, t in zip(out, chosen, strict=True):
+        frame["opens"] = ""
+        if path.endswith(".mcap"):
+            own = (int(material.time_ns[t]) - int(material.time_ns[0])) * 1e-9
+            part = f"--start {max(0.0, own - 0.5):.2f} --end {own + 0.5:.2f}"
+            frame["opens"] = f"handtrack replay {shlex.quote(path)} --hand {row.hand} {part}"
+    return out
 
 
 def _skeleton(material: Material, t: int, error: float, start: int) -> dict[str, Any]:
@@ -212,6 +253,7 @@ def _skeleton(material: Material, t: int, error: float, start: int) -> dict[str,
         "time": round((int(material.time_ns[t]) - start) * 1e-9, 2),
         "error": _number(error),
         "joint": JOINT_NAMES[worst],
+        "errors": _list(material.joint_errors_mm[t], 1),
         "joint_error": _number(float(material.joint_errors_mm[t, worst])),
         "estimate": [_list(p, 1) for p in (estimate - middle) @ turn.T * 1e3],
         "reference": [_list(p, 1) for p in (reference - middle) @ turn.T * 1e3],

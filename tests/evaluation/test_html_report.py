@@ -6,6 +6,7 @@ import html
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 from itertools import pairwise
@@ -17,7 +18,7 @@ from screens import lacking
 
 import handtrack as ht
 from handtrack.evaluation.compare import compare
-from handtrack.evaluation.html_report import _trace, page_data, to_html
+from handtrack.evaluation.html_report import About, _trace, page_data, to_html
 from handtrack.evaluation.stability import stability, stability_of_pair, stability_of_pairs
 from handtrack.hand.model import HandModel
 from handtrack.sequences.sequence import Sequence
@@ -88,6 +89,35 @@ def test_what_is_drawn_is_what_was_measured(both):
     at = data["thresholds"].index(5.0)
     errors = both.methods["b"].sequences[0].material.joint_errors_mm
     assert pck[at] == pytest.approx((errors[~np.isnan(errors)] <= 5).mean(), abs=1e-3)
+
+
+def test_a_page_says_where_it_comes_from_and_how_its_worst_frames_are_opened(both):
+    about = About("2021-02-03", {"a</script><b>": ["my a.mcap"], "b": ["b.npz"]}, "handtrack x")
+    data = data_of(to_html(both, about))
+    assert (data["date"], data["command"]) == ("2021-02-03", "handtrack x")
+    assert data["files"] == [["a</script><b>", ["my a.mcap"]], ["b", ["b.npz"]]]
+    first, second = data["sequences"][0]["worst"]
+    assert 0 < len(first) <= 6
+    assert {w["opens"] for w in second} == {""}  # joints are not replayed
+    for frame in first:
+        words = shlex.split(frame["opens"])
+        assert words[:3] == ["handtrack", "replay", "my a.mcap"]
+        start, end = (float(words[words.index(o) + 1]) for o in ("--start", "--end"))
+        assert start <= frame["time"] <= end
+        assert end - start <= 1.01
+        assert max(frame["errors"]) == pytest.approx(frame["joint_error"], abs=0.06)
+    undated = data_of(to_html(both))
+    assert (undated["date"], undated["files"]) == ("", [])
+    row = both.common["b"]
+    assert data["pck_end"] in (5.0, 10.0)
+    assert data["pck_end"] >= 2 * row.pa_mpjpe_mm.p95
+
+
+def test_the_inputs_jitter_stands_beside_the_outputs(sample_file):
+    report = stability(ht.track(ht.load(sample_file)[0].frames(0, 59)))
+    (method,) = page_data(report)["methods"]
+    assert method["input_jitter"] == pytest.approx(report.overall.input_jitter_m_s3, abs=1e-4)
+    assert method["input_jitter"] > 0
 
 
 def test_long_series_stay_small_and_keep_what_stands_out():
