@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -169,7 +170,7 @@ def _files(
 
     date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     about = About(date, measured, _command())
-    wanted = ((csv, to_csv), (latex, to_latex), (html, lambda report: to_html(report, about)))
+    wanted = ((csv, to_csv), (latex, to_latex), (html, partial(to_html, about=about)))
     return [(path, write) for path, write in wanted if path is not None]
 
 
