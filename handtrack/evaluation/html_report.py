@@ -215,8 +215,8 @@ def _trace(
 def _pck_end(p95: Sequence[float]) -> float:
     """Up to which distance [mm] PCK is drawn: twice what 95 % of the frames stay below."""
     known = [value for value in p95 if np.isfinite(value)]
-    steps = np.array([2.0, 5.0, 10.0, 20.0, 30.0, 40.0, 50.0])
-    return float(steps[min(np.searchsorted(steps, 2 * max(known, default=25.0)), len(steps) - 1)])
+    wanted = 2 * max(known, default=25.0)
+    return next((end for end in (2.0, 5.0, 10.0, 20.0, 30.0, 40.0) if end >= wanted), 50.0)
 
 
 def _worst(row: Stability, start: int, path: str = "") -> list[dict[str, Any]]:
