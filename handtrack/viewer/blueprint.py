@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
 _BACKGROUND = (24, 27, 34)
+_GRID = (255, 255, 255, 28)
+GRID_M = 0.05
+"""Between the lines of the grid below the hands [m]."""
 
 
 def blueprint(
@@ -29,8 +32,10 @@ def blueprint(
     follow: bool = False,
     view: Eye | None = None,
     pictures: Sequence[str] = (),
+    mesh: bool = True,
 ) -> rrb.Blueprint:
-    """The 3D view at the left; the angles by finger, the errors and the log at the right.
+    """The hand at the left, below it its bones without the skin that hides them; the angles by
+    finger, the errors and the log at the right.
 
     Args:
         hands: what is shown, of one recording or of several.
@@ -38,6 +43,7 @@ def blueprint(
         follow: stay at the time that came last.
         view: where to look from; as shows all of the motion by default.
         pictures: names of cameras whose pictures are shown below the hands.
+        mesh: the skin is sent, where there is one.
     """
     import rerun.blueprint as rrb
 
@@ -47,9 +53,9 @@ def blueprint(
         groups = [[hand for hand in hands if hand.run == run] for run in runs]
         # views that are narrow need a step back
         view = view.farther(1 + 0.2 * min(len(groups), 4))
-        worlds = [_world(group, group[0].run_name, view) for group in groups]
+        worlds = [_worlds(group, group[0].run_name, view, mesh) for group in groups]
     else:
-        worlds = [_world(hands, "hands" if len(hands) > 1 else "hand", view)]
+        worlds = [_worlds(hands, "hands" if len(hands) > 1 else "hand", view, mesh)]
     plots = [_compared(hand, first) for hand in hands if (first := counterpart(hand, hands))]
     plots += [_plots(hand.topic) for hand in hands]
     # whose line it is matters only where there are several
@@ -83,17 +89,47 @@ def blueprint(
     )
 
 
-def _world(hands: Sequence[Shown], name: str, view: Eye) -> rrb.Spatial3DView:
+def _worlds(hands: Sequence[Shown], name: str, view: Eye, mesh: bool) -> rrb.Container | rrb.View:
+    """The hands, and where they have a skin, below them the same without it."""
+    import rerun.blueprint as rrb
+
+    shown = [f"/world/{hand.topic}/**" for hand in hands]
+    hidden = [f"- /world/{hand.topic}/skin" for hand in hands]
+    whole = _world(shown, f"{name}, grid of {100 * GRID_M:.0f} cm", view)
+    if not mesh or not any(hand.track.n_vertices for hand in hands):
+        return whole
+    return rrb.Vertical(
+        whole,
+        _world([*shown, *hidden], f"{name}: bones and joints", view),
+        row_shares=[3, 2],
+    )
+
+
+def _world(contents: list[str], name: str, view: Eye) -> rrb.Spatial3DView:
     import rerun.blueprint as rrb
 
     return rrb.Spatial3DView(
         origin="world",
-        contents=[f"/world/{hand.topic}/**" for hand in hands],
+        contents=contents,
         name=name,
         background=rrb.Background(color=_BACKGROUND),
-        # a grid would claim to know the floor
-        line_grid=rrb.LineGrid3D(visible=False),
+        line_grid=_grid(view),
         **eye_controls(view),
+    )
+
+
+def _grid(view: Eye) -> rrb.LineGrid3D:
+    """A scale below the hands, square to their up: where the floor is nobody knows."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    up = view.up / np.linalg.norm(view.up)
+    return rrb.LineGrid3D(
+        visible=True,
+        spacing=GRID_M,
+        plane=rr.components.Plane3D(up.tolist(), float(up @ view.target) - view.below),
+        color=_GRID,
+        stroke_width=1.0,
     )
 
 
@@ -165,11 +201,13 @@ class Seen(NamedTuple):
 
 
 class Eye(NamedTuple):
-    """Where to look from, where to [m], and which way is up, in the world."""
+    """Where to look from, where to [m], and which way is up, in the world; and how far below
+    the target [m] nothing of a hand is."""
 
     position: Array
     target: Array
     up: Array
+    below: float = 0.1
 
     @property
     def right(self) -> Array:
@@ -205,7 +243,9 @@ def eye(hands: Sequence[Seen]) -> Eye:
     # a little from above and from the side shows depth
     side = np.cross(up, away)
     offset = away + 0.25 * side + 0.3 * up
-    return Eye(target + distance * offset / np.linalg.norm(offset), target, up)
+    heights = (points - target) @ up
+    below = 0.02 - float(np.percentile(heights, 1)) if len(points) else 0.1
+    return Eye(target + distance * offset / np.linalg.norm(offset), target, up, below)
 
 
 def _direction(vectors: Array, otherwise: Array) -> Array:

@@ -172,7 +172,8 @@ class LiveViewer:
             # all hands on the clock of the first
             origin = origin_ns([self._shown[0].track])
             view = eye(self._seen) if self._seen else eye([Seen.of(part)]).farther(2.0)
-            send_blueprint(self._recording, blueprint(self._shown, follow=True, view=view))
+            arranged = blueprint(self._shown, follow=True, view=view, mesh=self._mesh)
+            send_blueprint(self._recording, arranged)
             self._hands[name] = HandLog(self._recording, shown, origin, self._mesh)
             self._hands[name].begin()
         self._hands[name].add(part)

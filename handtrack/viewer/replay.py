@@ -155,7 +155,9 @@ class _Show:
     def send(self, address: str, process: subprocess.Popen[bytes] | None = None) -> None:
         """To a viewer, as long as its process runs, if that is known."""
         follow = self.speed is not None
-        arranged = blueprint(self.hands, side_by_side=self._side_by_side, follow=follow)
+        arranged = blueprint(
+            self.hands, side_by_side=self._side_by_side, follow=follow, mesh=self._mesh
+        )
         with connected(address, process) as recording:
             send_blueprint(recording, arranged)
             if self.speed is None:

@@ -73,7 +73,7 @@ def log_rerun(
     recording = recording or rr.get_data_recording()
     if recording is None:
         raise SettingsError("no Rerun recording is active: give one, or a file to save")
-    send_blueprint(recording, blueprint(hands, pictures=[view.name for view in pictures]))
+    send_blueprint(recording, blueprint(hands, pictures=[v.name for v in pictures], mesh=mesh))
     log_hands(recording, hands, mesh=mesh, pictures=pictures)
     recording.flush()
     return None
@@ -90,7 +90,7 @@ def save_hands(
 ) -> Path:
     """Write hands to an .rrd file; arguments and errors as of `log_rerun` and `blueprint`."""
     names = [view.name for view in pictures]
-    arranged = blueprint(hands, side_by_side=side_by_side, pictures=names)
+    arranged = blueprint(hands, side_by_side=side_by_side, pictures=names, mesh=mesh)
     with whole_file(path) as part, rrd_file(part, APPLICATION, arranged) as file:
         log_hands(file, hands, mesh=mesh, limits=limits, pictures=pictures)
     del file

@@ -10,14 +10,16 @@ from handtrack.mcap.foxglove import SKIN
 Colour = tuple[int, int, int, int]
 
 SKINS: tuple[Colour, ...] = (
-    (*SKIN, 150),
-    (141, 178, 214, 150),
-    (170, 206, 150, 150),
-    (214, 160, 200, 150),
-    (222, 205, 130, 150),
-    (150, 205, 205, 150),
+    (*SKIN, 255),
+    (141, 178, 214, 255),
+    (170, 206, 150, 255),
+    (214, 160, 200, 255),
+    (222, 205, 130, 255),
+    (150, 205, 205, 255),
 )
-"""Semi-transparent tints, one for each hand in a recording: skin first, then clearly others."""
+"""Opaque tints, one for each hand in a recording: skin first, then clearly others. Fists are
+muddy in a skin that light goes through; the bones have a view of their own."""
+LATER_ALPHA = 90
 
 OBSERVED, FITTED, FILTERED, TRUTH = 1, 2, 3, 4
 SKELETONS: dict[int, tuple[str, Colour, float]] = {
@@ -73,7 +75,7 @@ def angle_labels(finger: int) -> list[str]:
 def skin_colour(number: int, run: int) -> Colour:
     """The tint of a hand; those of later runs hide less of the first."""
     red, green, blue, alpha = SKINS[number % len(SKINS)]
-    return red, green, blue, alpha if run == 0 else alpha // 2
+    return red, green, blue, alpha if run == 0 else LATER_ALPHA
 
 
 def run_colour(run: int) -> Colour:
