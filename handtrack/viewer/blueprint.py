@@ -124,10 +124,12 @@ def _grid(view: Eye) -> rrb.LineGrid3D:
     import rerun.blueprint as rrb
 
     up = view.up / np.linalg.norm(view.up)
+    # the eye is as far from the middle as what it sees is long
+    below = float(np.linalg.norm(view.position - view.target)) / 2
     return rrb.LineGrid3D(
         visible=True,
         spacing=GRID_M,
-        plane=rr.components.Plane3D(up.tolist(), float(up @ view.target) - view.below),
+        plane=rr.components.Plane3D(up.tolist(), float(up @ view.target) - below),
         color=_GRID,
         stroke_width=1.0,
     )
@@ -201,13 +203,11 @@ class Seen(NamedTuple):
 
 
 class Eye(NamedTuple):
-    """Where to look from, where to [m], and which way is up, in the world; and how far below
-    the target [m] nothing of a hand is."""
+    """Where to look from, where to [m], and which way is up, in the world."""
 
     position: Array
     target: Array
     up: Array
-    below: float = 0.1
 
     @property
     def right(self) -> Array:
@@ -243,9 +243,7 @@ def eye(hands: Sequence[Seen]) -> Eye:
     # a little from above and from the side shows depth
     side = np.cross(up, away)
     offset = away + 0.25 * side + 0.3 * up
-    heights = (points - target) @ up
-    below = 0.02 - float(np.percentile(heights, 1)) if len(points) else 0.1
-    return Eye(target + distance * offset / np.linalg.norm(offset), target, up, below)
+    return Eye(target + distance * offset / np.linalg.norm(offset), target, up)
 
 
 def _direction(vectors: Array, otherwise: Array) -> Array:

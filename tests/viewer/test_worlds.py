@@ -48,4 +48,4 @@ def test_the_grid_is_a_scale_below_the_hand(track: Track) -> None:
     heights = track.fitted_joints @ view.up - distance
     known = heights[np.isfinite(heights)]
     assert (known > 0).mean() > 0.97
-    assert known.min() < 0.08  # not far from them
+    assert known.min() < 0.15  # not far from them
