@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
 _BACKGROUND = (24, 27, 34)
-_GRID = (255, 255, 255, 28)
+_GRID = (58, 64, 76, 255)
 GRID_M = 0.05
 """Between the lines of the grid below the hands [m]."""
 
@@ -101,7 +101,7 @@ def _worlds(hands: Sequence[Shown], name: str, view: Eye, mesh: bool) -> rrb.Con
     return rrb.Vertical(
         whole,
         _world([*shown, *hidden], f"{name}: bones and joints", view),
-        row_shares=[3, 2],
+        row_shares=[1, 1],
     )
 
 
