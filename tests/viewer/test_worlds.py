@@ -27,7 +27,9 @@ def worlds(arranged: Any) -> list[Any]:
 
 
 def test_an_opaque_skin_does_not_hide_the_bones(track: Track, tmp_path: Path) -> None:
-    found = rrd_columns(log_rerun(track, save=tmp_path / "run.rrd"))
+    path = log_rerun(track, save=tmp_path / "run.rrd")
+    assert path is not None
+    found = rrd_columns(path)
     (colour,) = found["/world/right/skin"]["Mesh3D:albedo_factor"][0]
     assert colour & 0xFF == 0xFF
     hands = shown([Run("", [track])])
