@@ -15,6 +15,8 @@ def tables() -> dict[str, str]:
         "sample_numbers": sample(),
         "steadying": steadying(),
         "methods": methods(),
+        "accuracy_tune": accuracy("accuracy_tune"),
+        "accuracy_holdout": accuracy("accuracy_holdout"),
         **performance(),
     }
 
@@ -46,6 +48,42 @@ def steadying() -> str:
             cells.append(f"{error:.2f} ({jitter:.1f})")
         out.append(cells)
     return table(["noise", *(f"{level:g} mm" for level in levels)], out)
+
+
+def accuracy(name: str) -> str:
+    """Rendered hands: each method against raw detections, by input, with 95 % intervals."""
+    rows = numbers(name)
+    out = []
+    for given in dict.fromkeys(row["input"] for row in rows):
+        for row in rows:
+            if row["input"] != given or not row["clips"]:
+                continue
+            moving, angle = row["moving_mm_ratio"]["value"], row["angle_deg"]["value"]
+            out.append(
+                [
+                    given,
+                    row["method"],
+                    f"{row['pa_mm']['value']:.2f}",
+                    _ratio(row["pa_mm_ratio"]),
+                    f"{100 * row['nearer']:.0f} %",
+                    f"{moving:.2f}",
+                    "–" if angle is None else f"{angle:.1f}",
+                ]
+            )
+    head = [
+        "input",
+        "method",
+        "PA-MPJPE, mm",
+        "of raw",
+        "nearer",
+        "moving, of raw",
+        "angles, degrees",
+    ]
+    return table(head, out)
+
+
+def _ratio(found: dict[str, float]) -> str:
+    return f"{found['value']:.3f} [{found['low']:.3f}, {found['high']:.3f}]"
 
 
 def methods() -> str:
