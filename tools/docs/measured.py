@@ -17,6 +17,7 @@ def tables() -> dict[str, str]:
         "methods": methods(),
         "accuracy_tune": accuracy("accuracy_tune"),
         "accuracy_holdout": accuracy("accuracy_holdout"),
+        "lasting_noise": lasting_noise(),
         **performance(),
     }
 
@@ -84,6 +85,12 @@ def accuracy(name: str) -> str:
 
 def _ratio(found: dict[str, float]) -> str:
     return f"{found['value']:.3f} [{found['low']:.3f}, {found['high']:.3f}]"
+
+
+def lasting_noise() -> str:
+    """Rendered clips by what the filter takes the noise for, as the study's run gave them."""
+    found = numbers("lasting_noise")
+    return table(found["head"], found["rows"])
 
 
 def methods() -> str:
