@@ -35,6 +35,7 @@ class Detections:
         score: hand -> (T,) 0..1, 0 where it was not found.
         fps: the rate that was given instead of the source's times, or None.
         still: whether the pictures are images of which nothing says that they follow one another.
+        detector: whose landmarks these are, "mediapipe", or "" of a detector that is not known.
     """
 
     source: str
@@ -46,6 +47,7 @@ class Detections:
     score: dict[Hand, Array]
     fps: float | None = None
     still: bool = False
+    detector: str = "mediapipe"
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -72,7 +74,7 @@ class Detections:
                 frame_index=self.frame_index,
                 name=f"{name} {hand}" if len(found) > 1 else name,
                 source=self.source,
-                detector="mediapipe",
+                detector=self.detector,
             )
             for hand in found
             if np.isfinite(self.world[hand]).all((1, 2)).any()
@@ -81,8 +83,9 @@ class Detections:
     def save(self, path: Path) -> None:
         """Write an .npz that `handtrack track` and `load` read.
 
-        Keys: `time_ns`, `frame_index`, `size_px` (2,), `source`, `detector`; for each hand found
-        `HAND_joints_m` (T, 21, 3), `HAND_image_px` (T, 21, 2) and `HAND_confidence` (T,).
+        Keys: `time_ns`, `frame_index`, `size_px` (2,), `source`, `detector` if it is known; for
+        each hand found `HAND_joints_m` (T, 21, 3), `HAND_image_px` (T, 21, 2) and
+        `HAND_confidence` (T,).
 
         Raises:
             HandtrackError: it cannot be written.
@@ -92,7 +95,7 @@ class Detections:
             "frame_index": self.frame_index,
             "size_px": self.size,
             "source": self.source,
-            "detector": "mediapipe",
+            **({"detector": self.detector} if self.detector else {}),
         }
         for hand in self.hands:
             arrays[f"{hand}_joints_m"] = self.world[hand].astype(np.float32)
@@ -130,6 +133,7 @@ def detect(
         SettingsError: MediaPipe or its model is missing.
     """
     own = detector is None
+    name = "mediapipe" if own or isinstance(detector, MediaPipeDetector) else ""
     # images become a clip by a rate
     still = pictures_in(source) != "video" and fps is None
     detector = detector or MediaPipeDetector(model, still=still)
@@ -160,7 +164,7 @@ def detect(
     if not any(rows):
         raise NoHandError(f"{source}: no hand was found in {len(rows)} frames")
     found = _gathered(source, size, times, index, [tracks.named(row) for row in rows])
-    return replace(found, fps=fps, still=still)
+    return replace(found, fps=fps, still=still, detector=name)
 
 
 def _gathered(

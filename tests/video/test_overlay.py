@@ -52,6 +52,7 @@ def made(tmp_path):
 def test_a_hand_is_placed_where_it_was(made):
     _, found, joints = made
     (sequence,) = found.sequences()
+    assert sequence.detector == ""  # nothing is known of where its landmarks lie
     track = ht.track(sequence)
     angles, rotation, translation = place_in_view(track, found.image["right"], CAMERA)
     placed = track.model.joints(angles, rotation, translation)
