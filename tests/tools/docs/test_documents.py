@@ -291,7 +291,9 @@ def test_the_samples_numbers_are_those_of_today() -> None:
 
 
 def test_every_page_stands_in_the_table_of_contents() -> None:
-    listed = set(re.findall(r"^(pages/\w+|theory)$", (SITE / "index.md").read_text(), re.MULTILINE))
+    entries = re.findall(r"^(pages/\w+|theory)$", (SITE / "index.md").read_text(), re.MULTILINE)
+    listed = set(entries)
+    assert len(listed) == len(entries)
     assert listed == {f"pages/{p.stem}" for p in (SITE / "pages").glob("*.md")} | {"theory"}
     notebooks = {p.stem for p in (SITE / "notebooks").glob("*.ipynb")}
     index = (SITE / "notebooks" / "index.md").read_text()
