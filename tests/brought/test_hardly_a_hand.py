@@ -57,7 +57,7 @@ def test_every_command(word, tmp_path):
         assert len(said.strip().splitlines()) <= 3
         return
     for ending in ("csv", "npz", "bvh", "glb"):
-        done, more, _ = command("export", out, str(tmp_path / f"a.{ending}"))
+        done, more, _ = command("export", out, str(tmp_path / f"out.{ending}"))
         assert done == 0, more
         assert not LIBRARY.search(more), more
     for arguments in (("stability", out), ("info", out), ("stability", str(path))):

@@ -131,7 +131,8 @@ def test_a_camera_that_is_not_there_is_said():
 
 def test_rows_are_chosen_and_added():
     rows = methods.chosen([], ["template"], [("mine", '{"calibrate": false}')])
-    assert list(rows) == ["raw", "fit, template", "rts, template", "mine"]
+    templates = ["fit, template", "rts, template", "fit, template, profile"]
+    assert list(rows) == ["raw", *templates, "mine"]
     (given, _) = cases(clip(1))
     mine, template = rows["mine"](given), rows["fit, template"](given)
     assert np.array_equal(mine.joints, template.joints)

@@ -173,7 +173,7 @@ def standard(all_cases: list[Case], shipped: bool = False) -> dict[str, Method]:
     for name in ("one-euro", "kalman", "fixed-lag", "rts"):
         rows[name] = tracking.calibrated(filter=name)
     rows["rts, template"] = template(filter="rts")
-    rows["rts, 3 x noise"] = tracking.louder(3.0, filter="rts")
+    rows["rts, 3 x noise"] = tracking.louder(3.0, filter="rts", noise_colour="white")
     rows["rts, true hand (oracle)"] = on_true_hand(filter="rts")
     rows["constant offsets, no fit"] = offsets(all_cases)
     profiles = Profiles(all_cases, shipped)
