@@ -93,8 +93,8 @@ class Audited:
         count = np.zeros(len(self.time_ns))
         for finding in self.findings:
             part = finding.marks.sum(1)
-            # what is in every frame says nothing of one
-            count += part * (finding.frames < len(self.time_ns)) * finding.severity
+            # what is in most frames says nothing of one
+            count += part * (2 * finding.frames <= len(self.time_ns)) * finding.severity
         chosen: list[int] = []
         for t in np.argsort(-count, kind="stable"):
             if len(chosen) == most or count[t] == 0:
