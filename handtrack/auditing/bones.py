@@ -10,6 +10,7 @@ from handtrack.auditing.findings import Finding, Marks
 from handtrack.auditing.robust import runs_of, slow, spread
 from handtrack.evaluation.anatomy import bone_lengths
 from handtrack.evaluation.arrays import Array, nan_mean
+from handtrack.evaluation.shake import bends
 from handtrack.hand.skeleton import BASES, N_JOINTS, ORDERS
 from handtrack.sequences.chirality import frame_chirality
 from handtrack.sequences.sequence import Sequence
@@ -132,8 +133,6 @@ def limit_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
 def signed_bends(s: Sequence) -> tuple[Array, Array]:
     """(T, 5, 3) angle at MCP, PIP and DIP of each finger [degrees], and how much of it is
     backwards (0 where it flexes)."""
-    from handtrack.evaluation.shake import bends
-
     bent = np.rad2deg(bends(s.joints)).reshape(len(s), 5, 3)
     x = s.joints
     across = x[:, 5] - x[:, 17]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.evaluation.arrays import or_none
 from handtrack.hand.skeleton import JOINT_NAMES
 from handtrack.read_only import make_read_only
 
@@ -123,7 +124,7 @@ class Audited:
                 }
                 for f in self.findings
             ],
-            "numbers": {k: v if np.isfinite(v) else None for k, v in self.numbers.items()},
+            "numbers": {k: or_none(v) for k, v in self.numbers.items()},
             "worst_frames": [int(self.frame_index[t]) for t in self.worst_frames()],
         }
 

@@ -79,3 +79,8 @@ def in_blocks(function: Callable[..., Array], *arrays: Array) -> Array:
 def lengths(vectors: Array) -> Array:
     """Euclidean length (...) of vectors (..., 3)."""
     return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))
+
+
+def or_none(value: float) -> float | None:
+    """The number, or None, which JSON has, for one that is not known (NaN) or infinite."""
+    return value if np.isfinite(value) else None

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError
-from handtrack.evaluation.arrays import Array
+from handtrack.evaluation.arrays import Array, or_none
 
 REPEATS = 2000
 """Resamples of each series."""
@@ -54,7 +54,7 @@ class Uncertain:
     def to_dict(self) -> dict[str, float | None]:
         """The three numbers; None for NaN."""
         return {
-            name: value if np.isfinite(value) else None
+            name: or_none(value)
             for name, value in (("value", self.value), ("low", self.low), ("high", self.high))
         }
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from handtrack.evaluation.arrays import Array, nan_mean
+from handtrack.evaluation.arrays import Array, nan_mean, or_none
 from handtrack.evaluation.bootstrap import Intervals
 from handtrack.evaluation.shake import Shake
 from handtrack.hand.limits import Limits
@@ -48,7 +48,7 @@ class Spread:
 
     def to_dict(self) -> dict[str, float | None]:
         """The five numbers; None for NaN."""
-        return {name: _number(getattr(self, name)) for name in self.__dataclass_fields__}
+        return {name: or_none(getattr(self, name)) for name in self.__dataclass_fields__}
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,17 +176,17 @@ class Stability:
             if name in ("frame_values", "material"):
                 continue
             if name == "joint_pa_mm":
-                value = {j: _number(float(v)) for j, v in zip(JOINT_NAMES, value, strict=True)}
+                value = {j: or_none(float(v)) for j, v in zip(JOINT_NAMES, value, strict=True)}
             elif name == "intervals":
                 value = {measure: _interval_dict(i) for measure, i in value.items()}
             elif isinstance(value, Spread | Shake):
                 value = value.to_dict()
             elif isinstance(value, float):
-                value = _number(value)
+                value = or_none(value)
             elif isinstance(value, tuple):
                 value = list(value)
             out[name] = value
-        out["finger_pa_mm"] = {k: _number(v) for k, v in self.finger_pa_mm.items()}
+        out["finger_pa_mm"] = {k: or_none(v) for k, v in self.finger_pa_mm.items()}
         return out
 
 
@@ -214,11 +214,7 @@ def _interval_dict(intervals: Intervals) -> dict[str, Any]:
     """{"mean": [low, high], "std": [low, high], "block_frames", "few"}; null: not known, and
     `few` says why."""
     out: dict[str, Any] = {
-        name: [_number(part.low), _number(part.high)]
+        name: [or_none(part.low), or_none(part.high)]
         for name, part in (("mean", intervals.mean), ("std", intervals.std))
     }
     return out | {"block_frames": intervals.block, "few": intervals.few}
-
-
-def _number(value: float) -> float | None:
-    return value if np.isfinite(value) else None

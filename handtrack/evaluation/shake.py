@@ -15,7 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError
 from handtrack.evaluation.alignment import procrustes
-from handtrack.evaluation.arrays import Array, lengths, nan_mean, sequence_of_points
+from handtrack.evaluation.arrays import (
+    Array,
+    lengths,
+    nan_mean,
+    or_none,
+    sequence_of_points,
+)
 from handtrack.evaluation.motion import gaps_between, jitter
 from handtrack.hand.skeleton import BASES, N_JOINTS, PALM, PARENTS
 
@@ -64,10 +70,7 @@ class Shake:
 
     def to_dict(self) -> dict[str, float | None]:
         """The six numbers; None for NaN."""
-        return {
-            name: value if np.isfinite(value := getattr(self, name)) else None
-            for name in self.__dataclass_fields__
-        }
+        return {name: or_none(getattr(self, name)) for name in self.__dataclass_fields__}
 
 
 SHAKES = ("palm_mm", "palm_deg", "fingers_deg", "fingers_mm")
