@@ -25,6 +25,8 @@ def _settings(failures: int | None) -> dict[str, Any]:
         "distributed.comm.timeouts.connect": f"{CONNECT_S}s",
         "distributed.admin.low-level-log-length": 0,
         "distributed.worker.memory.recent-to-old-time": "30s",
+        # nobody reads it, and looking into the frames of running threads can end Python 3.11
+        "distributed.worker.profile.enabled": False,
     }
     if failures is not None:
         found["distributed.scheduler.allowed-failures"] = failures
@@ -74,20 +76,33 @@ def engine(
 
 @contextmanager
 def _connected(distributed: Any, address: str) -> Iterator[Any]:
-    with _quiet():
-        try:
-            client = distributed.Client(address, timeout=CONNECT_S)
-        except (OSError, TimeoutError, ValueError) as error:
-            reason = str(error).partition("\n")[0] or type(error).__name__
-            raise SettingsError(
-                f"--scheduler {address}: no scheduler answers there ({reason}); `dask scheduler`"
-                " starts one"
-            ) from None
+    # a client that finds nobody leaves a thread behind: so ask first, in a thread of our own
+    runner = distributed.utils.LoopRunner()
+    runner.start()
     try:
-        yield client
+        with _quiet():
+            try:
+                distributed.utils.sync(runner.loop, _reach, distributed, address)
+                client = distributed.Client(address, timeout=CONNECT_S, loop=runner.loop)
+            except (OSError, TimeoutError, ValueError) as error:
+                reason = str(error).partition("\n")[0] or type(error).__name__
+                raise SettingsError(
+                    f"--scheduler {address}: no scheduler answers there ({reason}); `dask"
+                    " scheduler` starts one"
+                ) from None
+        try:
+            yield client
+        finally:
+            with suppress(OSError, TimeoutError, RuntimeError):
+                client.close(timeout=2)
     finally:
         with suppress(OSError, TimeoutError, RuntimeError):
-            client.close(timeout=2)
+            runner.stop(timeout=2)
+
+
+async def _reach(distributed: Any, address: str) -> None:
+    comm = await distributed.comm.connect(address, timeout=CONNECT_S)
+    await comm.close()
 
 
 @contextmanager
@@ -96,13 +111,12 @@ def _local(distributed: Any, workers: int, processes: bool, folder: str) -> Iter
         "n_workers": workers,
         "threads_per_worker": 1,
         "processes": processes,
-        "host": "127.0.0.1",
         "dashboard_address": "127.0.0.1:0" if _has_dashboard() else None,
         "local_directory": folder,
         "silence_logs": "CRITICAL",
     }
-    if processes:
-        options["preload"] = ["handtrack.batching.interrupts"]
+    if processes:  # threads talk without sockets, and must not be given an address
+        options |= {"host": "127.0.0.1", "preload": ["handtrack.batching.interrupts"]}
     with _interrupts_left_to_us():
         cluster = _started(distributed.LocalCluster, options)
     try:

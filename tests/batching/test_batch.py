@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -19,27 +20,38 @@ pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 SIZE = Size(clips=8, frames=40, subjects=2)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def data_set(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Eight short clips of two subjects, in two formats."""
     return write(tmp_path_factory.mktemp("data set"), SIZE)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def client() -> Iterator[Any]:
-    """Workers that are threads of this process: quick to start, the same functions."""
-    from distributed import Client, LocalCluster
+    """A worker that is a thread of this process: quick to start, the same functions.
 
-    with (
-        LocalCluster(
-            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        yield client
+    None of its threads is left to the tests of other files.
+    """
+    from handtrack.batching.cluster import engine
+
+    before = set(threading.enumerate())
+    with engine(workers=1, processes=False) as made:
+        assert "Profile" not in {thread.name for thread in threading.enumerate()}
+        yield made.client
+    left = _threads_since(before)
+    assert not left, f"threads of the cluster are left: {left}"
 
 
-@pytest.fixture(scope="session")
+def _threads_since(before: set[threading.Thread]) -> list[str]:
+    """Names of the threads that do not end; Dask keeps idle pools for pickling and callbacks."""
+    idle = ("Dask-Offload", "Dask-Callback-Thread")
+    since = [t for t in set(threading.enumerate()) - before if not t.name.startswith(idle)]
+    for thread in since:
+        thread.join(timeout=10)
+    return [thread.name for thread in since if thread.is_alive()]
+
+
+@pytest.fixture(scope="module")
 def tracked(data_set: Path, client: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results of the whole data set."""
     out = tmp_path_factory.mktemp("results") / "out"
@@ -228,9 +240,17 @@ def test_frames_and_exports_are_written(data_set, client, tmp_path):
 
 def test_the_cluster_object_of_slurm():
     jobqueue = pytest.importorskip("dask_jobqueue", reason="dask-jobqueue is not installed")
-    cluster = jobqueue.SLURMCluster(
-        cores=1, processes=1, memory="2GB", walltime="08:00:00", n_workers=0
-    )
+    import dask
+
+    with dask.config.set({"distributed.worker.profile.enabled": False}):
+        cluster = jobqueue.SLURMCluster(
+            cores=1,
+            processes=1,
+            memory="2GB",
+            walltime="08:00:00",
+            n_workers=0,
+            scheduler_options={"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"},
+        )
     try:
         assert "#SBATCH --cpus-per-task=1" in cluster.job_script()
         assert "distributed.cli.dask_worker" in cluster.job_script() or "dask worker" in (
