@@ -11,7 +11,7 @@
 - Whole data sets: `batch` (`BatchSettings`, `Models`), of one clip `track_clip` (`Clip`).
 - Record: `McapRecorder`, `write_mcap`, `read_mcap`, `follow_mcap`, `retrack`, `info`, `recover`
   (`Recovered`); settings `RecordingSettings`, `MeshChoice`.
-- Look: `replay`, `log_rerun`, `LiveViewer`, `export` (`Exported`),
+- Look: `replay`, `log_rerun`, `LiveViewer`, `plot` (`PlotSettings`), `export` (`Exported`),
   `convert` (`Converted` with `Made` and `Loss`).
 - Measure: `stability` (`StabilityReport` of `Stability`, with `Spread`, `Shake`, `Intervals`,
   `Uncertain`, `Material`) of tracks or `Estimate`s; `diff` (`Difference`s, of `Change`s);
@@ -91,6 +91,8 @@ _WHERE = {
     "log_rerun": "viewer.rerun_log",
     "replay": "viewer.replay",
     "LiveViewer": "viewer.live_viewer",
+    "plot": "plotting.plot",
+    "PlotSettings": "plotting.settings",
     "export": "exporting.files",
     "convert": "converting.convert",
     "Converted": "converting.convert",
@@ -176,6 +178,8 @@ if TYPE_CHECKING:
     from handtrack.hand.model import HandModel as HandModel
     from handtrack.mcap.hand import Head as Head
     from handtrack.mcap.state import Stretch as Stretch
+    from handtrack.plotting.plot import plot as plot
+    from handtrack.plotting.settings import PlotSettings as PlotSettings
     from handtrack.recording.info import info as info
     from handtrack.recording.read import follow_mcap as follow_mcap
     from handtrack.recording.read import read_mcap as read_mcap

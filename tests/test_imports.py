@@ -18,7 +18,7 @@ ORDER = (
     *("kernels", "hand", "detectors", "cameras", "mcap", "sequences"),
     "fitting",
     *("calibration", "tracking", "recording", "viewer", "exporting", "converting"),
-    *("evaluation", "auditing", "video", "live", "batching"),
+    *("evaluation", "plotting", "auditing", "video", "live", "batching"),
     "cli",
 )
 """The parts of the house: each imports only those before it, inside functions too."""

@@ -15,18 +15,9 @@ _FIRST = "Options that people need first"
 _GROUPS = {
     _FIRST: (
         *("output", "overwrite", "filter", "hand", "unit", "order", "fps", "rrd", "live"),
-        *("camera", "video", "stdin", "udp", "truth", "compare", "html", "save", "web", "to"),
-        *(
-            "publish",
-            "overlay",
-            "overlay_skin",
-            "resume",
-            "workers",
-            "json",
-            "as_json",
-            "quiet",
-            "help",
-        ),
+        *("finger", "joint", "camera", "video", "stdin", "udp", "truth", "compare", "html"),
+        *("save", "web", "to", "publish", "overlay", "overlay_skin", "resume", "workers"),
+        *("json", "as_json", "quiet", "help"),
     ),
     "Input": (
         *("frames", "format", "key", "columns", "time_unit", "mirror", "max_size", "profile"),
@@ -38,6 +29,7 @@ _GROUPS = {
         *("connect", "no_view", "speed", "port", "no_open", "side_by_side", "offset"),
         *("light", "theme", "skin"),
     ),
+    "The figure": ("width_mm", "font_pt", "bands", "errors", "statuses", "dpi"),
     "Fit and filter": (),
     "Configuration": ("config", "save_config"),
 }
@@ -73,7 +65,11 @@ EXAMPLES = {
     "export": ("export out.mcap hand.glb", "export recordings/ tables/ --to csv"),
     "convert": ("convert hands.csv out.npz",),
     "audit": ("audit recordings/sample.npz", "audit DATA/ --html audit.html --mask mask.parquet"),
-    "plot": ("plot out.mcap angles.pdf", "plot out.mcap index.png --finger index"),
+    "plot": (
+        "plot out.mcap angles.pdf",
+        "plot out.mcap index.png --finger index",
+        "plot before=a.mcap after=b.mcap pip.svg --joint pip",
+    ),
     "info": ("info out.mcap", "info recordings/ --json"),
     "retrack": ("retrack out.mcap -o again.mcap --filter kalman",),
     "diff": ("diff out.mcap again.mcap",),
@@ -89,7 +85,9 @@ class Command(click.Command):
         self.params += config_options()
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        records = [(p.name or "", r) for p in self.get_params(ctx) if (r := p.get_help_record(ctx))]
+        # newer versions of click tell of arguments here, too, which the text above does
+        given = [p for p in self.get_params(ctx) if isinstance(p, click.Option)]
+        records = [(p.name or "", r) for p in given if (r := p.get_help_record(ctx))]
         if len(records) <= FEW:
             groups = {"Options": [record for _, record in records]}
         else:

@@ -1,41 +1,35 @@
 """
-Angles with their limits
-========================
+Figures for a paper
+===================
 
-The angles of one finger over time: as fitted, steadied, and how sure the fit is of them.
+Joint angles within their limits, how sure the fit is of them, errors, statuses and events.
 """
 
 # %%
-# Track the sample, and take what is to be drawn: angles in degrees, their standard deviation
-# from the fit's Hessian, the limits of the hand.
-
-import matplotlib.pyplot as plt
-import numpy as np
+# Track the sample twice. `ht.plot` draws every angle; what is outside the limits is shaded, bands
+# are two standard deviations of a single frame. With a name, as in `ht.plot(track,
+# "angles.pdf")`, the figure is written as vectors.
 
 import handtrack as ht
-from handtrack.hand.skeleton import ANGLE_NAMES
 
 (sequence,) = ht.load("recordings/sample.npz")
 track = ht.track(sequence, filter="rts")
-seconds = (track.time_ns - track.time_ns[0]) / 1e9
-sigma = np.rad2deg(np.sqrt(track.angle_variance))
-raw, steady = np.rad2deg(track.angles_raw), np.rad2deg(track.angles)
-lower, upper = np.rad2deg(track.model.limits.lower), np.rad2deg(track.model.limits.upper)
+figure = ht.plot(track)
 
 # %%
-# What is outside the limits is shaded; bands are two standard deviations of a single frame.
+# One column of a journal, one finger, the frames about the gap:
 
-names = [name for name in ANGLE_NAMES if name.startswith("index")]
-figure, panels = plt.subplots(len(names), 1, figsize=(9, 9), sharex=True, layout="constrained")
-for axes, name in zip(panels, names, strict=True):
-    i = ANGLE_NAMES.index(name)
-    axes.axhspan(upper[i], upper[i] + 40, color="0.9")
-    axes.axhspan(lower[i] - 40, lower[i], color="0.9")
-    low, high = raw[:, i] - 2 * sigma[:, i], raw[:, i] + 2 * sigma[:, i]
-    axes.fill_between(seconds, low, high, alpha=0.25, lw=0)
-    axes.plot(seconds, raw[:, i], lw=0.6, label="fitted")
-    axes.plot(seconds, steady[:, i], lw=1.6, label="rts")
-    axes.set(title=name, ylabel="deg", ylim=(lower[i] - 20, upper[i] + 20))
-panels[0].legend(loc="upper right")
-panels[-1].set(xlabel="time [s]")
-plt.show()
+figure = ht.plot(track, fingers=["index"], start_s=5.5, end_s=8.5, width_mm=88)
+
+# %%
+# Several runs are drawn in one figure, by the names that they are given.
+
+kalman = ht.track(sequence, filter="kalman")
+runs = {"kalman": kalman, "rts": track}
+figure = ht.plot(runs, joints=["pip"], start_s=2.0, end_s=6.0)
+
+# %%
+# It is a figure of matplotlib: change what you want, and save it again.
+
+figure.axes[0].set_title("Index finger, proximal joint")
+figure.savefig("pip.svg")
