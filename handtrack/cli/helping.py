@@ -12,22 +12,45 @@ from handtrack.cli.config import config_options, save_config
 FEW = 12
 """A command with no more options than these has them in one list."""
 _FIRST = "Options that people need first"
+TEN = 10
+"""At most so many are among these; what is over stands in its other group."""
+_LAST = ("quiet", "help", "_click_default_help")
 _GROUPS = {
     _FIRST: (
-        *("output", "overwrite", "filter", "hand", "unit", "order", "fps", "rrd", "live"),
-        *("finger", "joint", "camera", "video", "stdin", "udp", "truth", "compare", "html"),
-        *("save", "web", "to", "publish", "overlay", "overlay_skin", "resume", "workers"),
-        *("json", "as_json", "quiet", "help"),
+        *("output", "overwrite", "filter", "hand", "unit", "fps", "finger", "joint", "camera"),
+        *("video", "stdin", "udp", "publish", "truth", "compare", "html", "save", "web", "to"),
+        *("overlay", "resume", "workers", "json", "as_json", "order", "rrd", "live"),
+        *_LAST,
     ),
     "Input": (
-        *("frames", "format", "key", "columns", "time_unit", "mirror", "max_size", "profile"),
+        *(
+            "order",
+            "frames",
+            "format",
+            "key",
+            "columns",
+            "time_unit",
+            "mirror",
+            "max_size",
+            "profile",
+        ),
         *("trajectory", "markers", "no_repair", "start", "end", "match"),
     ),
     "The hand": ("hand_model", "calibrate", "detector", "mano", "mano_tips", "gltf", "limits"),
-    "The recording": ("mesh", "no_mesh", "compression", "foxglove_mesh", "csv", "latex"),
+    "The recording": (
+        "rrd",
+        "json",
+        "as_json",
+        "mesh",
+        "no_mesh",
+        "compression",
+        "foxglove_mesh",
+        "csv",
+        "latex",
+    ),
     "The viewer": (
         *("connect", "no_view", "speed", "port", "no_open", "side_by_side", "offset"),
-        *("light", "theme", "skin"),
+        *("live", "light", "theme", "skin", "overlay_skin"),
     ),
     "The figure": ("width_mm", "font_pt", "bands", "errors", "statuses", "dpi"),
     "Fit and filter": (),
@@ -91,11 +114,15 @@ class Command(click.Command):
         if len(records) <= FEW:
             groups = {"Options": [record for _, record in records]}
         else:
-            where = {name: title for title, names in _GROUPS.items() for name in names}
+            first = _GROUPS[_FIRST]
+            ranked = sorted({n for n, _ in records if n in first}, key=first.index)
+            ends = [name for name in ranked if name in _LAST]
+            foremost = [*[n for n in ranked if n not in ends][: TEN - len(ends)], *ends]
+            where = {n: title for title, names in _GROUPS.items() for n in names if title != _FIRST}
+            where |= dict.fromkeys(foremost, _FIRST)
             groups = {title: [] for title in _GROUPS}
             for name, record in records:
                 groups[where.get(name, _REST)].append(record)
-            first = _GROUPS[_FIRST]
             order = {record[0]: first.index(n) for n, record in records if n in first}
             groups[_FIRST].sort(key=lambda record: order[record[0]])
         for title, rows in groups.items():

@@ -15,6 +15,7 @@ from handtrack.tracking.track import Track
 
 if TYPE_CHECKING:
     import matplotlib.figure
+    from matplotlib.axes import Axes
 
 SUFFIXES = (".pdf", ".svg", ".png")
 _MM = 1 / 25.4
@@ -111,14 +112,16 @@ def _style(how: PlotSettings) -> AbstractContextManager[None]:
 
 def _empty_figure(shown: bool) -> matplotlib.figure.Figure:
     """A figure that pyplot shows, or one that nobody has to close."""
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    layout = ConstrainedLayoutEngine(w_pad=0.8 * _MM, h_pad=0.6 * _MM, hspace=0.02, wspace=0.02)
     if shown:
         import matplotlib.pyplot as plt
 
-        made: matplotlib.figure.Figure = plt.figure(layout="constrained")
-        return made
+        return plt.figure(layout=layout)
     from matplotlib.figure import Figure
 
-    return Figure(layout="constrained")
+    return Figure(layout=layout)
 
 
 def _draw(
@@ -133,9 +136,10 @@ def _draw(
     heights += [4.0 + _LANE_MM * len(runs)] if how.statuses else []
     scale = how.font_pt / 7.0
     figure.set_size_inches(how.width_mm * _MM, (sum(heights) + 10.0) * scale * _MM)
-    figure.get_layout_engine().set(w_pad=0.8 * _MM, h_pad=0.6 * _MM, hspace=0.02, wspace=0.02)
     places = figure.add_gridspec(len(heights), columns, height_ratios=heights)
-    first, panels = None, []
+    first: Axes | None = None
+    panels: list[Axes] = []
+    lefts: list[Axes] = []
     for r, row in enumerate(grid):
         for c, angle in enumerate(row):
             if angle is None:
@@ -145,19 +149,22 @@ def _draw(
             draw_angle(axes, runs, angle, how)
             if not any(a is not None for a in row[:c]):
                 axes.set_ylabel("angle (°)")
+            if c == 0:
+                lefts.append(axes)
             panels.append(axes)
     below = len(grid)
     if how.errors:
         axes = figure.add_subplot(places[below, :], sharex=first)
         draw_errors(axes, runs)
         panels.append(axes)
+        lefts.append(axes)
         below += 1
     if how.statuses:
         axes = figure.add_subplot(places[below, :], sharex=first)
         draw_statuses(axes, runs)
         panels.append(axes)
     _label_times(panels, grid, how)
-    figure.align_ylabels([axes for axes in panels if axes.get_subplotspec().colspan.start == 0])
+    figure.align_ylabels(lefts)
     draw_legend(figure, runs, how)
 
 

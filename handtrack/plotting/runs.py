@@ -107,7 +107,8 @@ def runs_of(
         last = np.inf if end_s is None else zero + end_s * 1e9
         part = between(track, first, last)
         if len(part):
-            found.append(Run(name, part, (part.time_ns - zero) * 1e-9))
+            seconds: Array = (part.time_ns - zero) * np.float64(1e-9)
+            found.append(Run(name, part, seconds))
     if not found:
         raise SettingsError(
             "there are no frames in that part: the longest recording is"
