@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from handtrack.evaluation.measure import Estimate
     from handtrack.hand.skeleton import Hand
     from handtrack.sequences.load import PassedOver
+    from handtrack.sequences.picture_landmarks import PictureLandmarks
     from handtrack.video.detections import Detections
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
@@ -104,6 +105,23 @@ class Reading(NamedTuple):
         self.check_pictures(path)
         with progress_shown(count(path), quiet, "detecting") as progress:
             return detect(path, fps=self.fps, frames=self.frame_range, progress=progress.frames)
+
+    def landmarks(self, path: Path) -> list[PictureLandmarks]:
+        """The landmarks in pictures that a file or folder holds.
+
+        Raises:
+            SettingsError: an option that these have no use for is given.
+        """
+        from handtrack.sequences.picture_landmarks import load_picture_landmarks
+
+        if any(o is not None for o in (self.mirror, self.profile, self.trajectory, self.markers)):
+            raise SettingsError(
+                f"{path}: --mirror, --profile, --trajectory and --markers are for joints in space,"
+                " not for landmarks in a picture"
+            )
+        names = ("order", "fps", "format", "time_unit", "max_size")
+        given = {name: getattr(self, name) for name in names}
+        return load_picture_landmarks(path, frames=self.frame_range, **given)
 
     def labelled(self, found: Detections) -> list[Sequence]:
         """The joints of detected hands, labelled as the user wants them."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handtrack.cli.cameras import Lens, from_cameras
 from handtrack.cli.helping import Command
 from handtrack.cli.inputs import Reading, reading_options
 from handtrack.cli.job import Made, Work
@@ -23,7 +24,7 @@ from handtrack.cli.options import (
     tracking_options,
 )
 from handtrack.cli.outputs import jobs, overwrite_option
-from handtrack.cli.pictures import check_overlay, from_cameras, picture_options
+from handtrack.cli.pictures import check_overlay, picture_options
 from handtrack.cli.progress import compiling_said, progress_shown, warm_up
 from handtrack.cli.sources import Given, items_of
 from handtrack.errors import HandtrackError, SettingsError
@@ -63,6 +64,8 @@ def track(
     overlay: Path | None,
     overlay_skin: tuple[int, int, int] | None,
     camera: Path | None,
+    image_size: tuple[int, int] | None,
+    fov: float | None,
     live: bool,
     connect: str | None,
     as_json: bool,
@@ -82,10 +85,11 @@ def track(
     if models.file is not None and is_default("calibrate"):
         settings = settings.but(calibrate="none", detector="none")
     reading, silent = Reading(**options, **mano), quiet or as_json
-    if camera is not None:
+    lens = Lens(camera, image_size, fov)
+    if lens.given:
         with compiling_said(silent):
             method = settings.calibration.method
-            views = from_cameras(camera, inputs, reading, models, method, silent, settings.detector)
+            views = from_cameras(lens, inputs, reading, models, method, silent, settings.detector)
         given, noise = Given([views[0]]), views[1]
         settings = settings.but(calibrate="none")
         if settings.fit.noise_mm is None:

@@ -118,9 +118,13 @@ def _seen_by_cameras(settings: Mapping[str, Any]) -> tuple[str, ...]:
     values = {n: v for n, v in pixels.items() if isinstance(v, int | float)}
     numbers = ", ".join(f"{name} {value:.2f}" for name, value in values.items())
     return (
-        f"seen by {found.get('views')} cameras, reprojection error {numbers} px: that is its"
+        f"seen by {_cameras(found.get('views'))}, reprojection error {numbers} px: that is its"
         " observed error; the joints that the errors in mm are against are a fit themselves",
     )
+
+
+def _cameras(count: object) -> str:
+    return "1 camera" if count == 1 else f"{count} cameras"
 
 
 def _known(truth: Array | None) -> Array | None:

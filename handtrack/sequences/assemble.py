@@ -13,6 +13,7 @@ from handtrack.sequences.clock import UNIT_NS, Clock, TimeUnit, check_fps, read_
 from handtrack.sequences.coincident import without_coincident
 from handtrack.sequences.joint_order import AXIS_MAJOR, check_order, ordered_by_axis, read_order
 from handtrack.sequences.marks import marked
+from handtrack.sequences.readers.pictures import refuse_picture
 from handtrack.sequences.readers.raw import METRES, Array, Raw, Unit
 from handtrack.sequences.sequence import Sequence
 from handtrack.sequences.size import palm_length
@@ -56,9 +57,11 @@ def assemble(raw: Raw, given: Given) -> Sequence:
     Its hand is the source's label, or "right" for now where there is none.
 
     Raises:
-        InputError: joints that do not fit the order, an unknown order in the file, joints far
-            from everything, or anything that `Sequence` refuses.
+        NotJointsError: places in a picture.
+        InputError: those of MediaPipe, joints that do not fit the order, an unknown order in the
+            file, joints far from everything, or anything that `Sequence` refuses.
     """
+    refuse_picture(raw)
     if given.order == AXIS_MAJOR:
         truth = None if raw.truth is None else ordered_by_axis(raw.truth)
         raw = replace(raw, joints=ordered_by_axis(raw.joints), truth=truth)

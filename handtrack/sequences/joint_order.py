@@ -80,6 +80,23 @@ def read_order(raw: Raw, order: str | None) -> Reading:
     return reading._replace(notes=(*reading.notes, *_doubts(raw, reading, order)))
 
 
+def stated_order(raw: Raw, order: str | None) -> Picks:
+    """The order that is said, or goes with the number of joints, not checked against a hand: of
+    places in a picture bones say little.
+
+    Raises:
+        InputError: an order that is unknown or of another number of joints.
+    """
+    given = _given(raw, order or raw.order)
+    if given is not None:
+        return given.picks
+    name = BY_COUNT.get(raw.joints.shape[1])
+    if name is None:
+        n = raw.joints.shape[1]
+        raise InputError(f"a frame has {n} joints{with_as_many(n)}", raw.path)
+    return ORDERS[name]
+
+
 def ordered_by_axis(joints: Array) -> Array:
     """Joints (T, N, 3) from frames that hold all x first, then all y, then all z."""
     return np.ascontiguousarray(joints.reshape(len(joints), 3, -1).transpose(0, 2, 1))

@@ -178,10 +178,11 @@ def _finish(
     seen = [raw for raw in raws if anything_seen(raw)] or raws[:1]
     sequences = [assemble(raw, given) for raw in seen]
     units = [unit_of(raw, given) for raw in seen]
+    # what is flat is no hand in any unit
+    worlds = [world_doubts(s.joints, raws[0].path) for s in sequences]
     doubts = check_sizes([s.joints for s in sequences], units, raws[0].path)
     sequences = [
-        _noted(s, doubt, *world_doubts(s.joints, raws[0].path))
-        for s, doubt in zip(sequences, doubts, strict=True)
+        _noted(s, doubt, *world) for s, doubt, world in zip(sequences, doubts, worlds, strict=True)
     ]
     labels = [raw.hand for raw in seen]
     both = {"left", "right"} <= {raw.hand for raw in raws}

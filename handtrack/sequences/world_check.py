@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import BONES
+from handtrack.sequences.readers.pictures import FIT_IN_2D
 from handtrack.sequences.readers.raw import Array
 from handtrack.sequences.size import palm_length
 from handtrack.sequences.skeleton_check import median
@@ -60,7 +61,7 @@ def world_doubts(joints: Array, path: Path) -> list[str]:
     if flat < _FLAT:
         text = "all joints lie in one plane: two-dimensional image coordinates? A hand is fitted to"
         if len(frames) >= 3:
-            raise InputError(f"{text} joints in space", path)
+            raise InputError(f"{text} joints in space; {FIT_IN_2D}", path)
         return [f"{text} joints in space"]
     lengths = _Lengths.of(x)
     return [d for d in (_picture(x), _axes(lengths), _scale(lengths, path)) if d]

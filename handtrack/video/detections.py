@@ -36,6 +36,8 @@ class Detections:
         fps: the rate that was given instead of the source's times, or None.
         still: whether the pictures are images of which nothing says that they follow one another.
         detector: whose landmarks these are, "mediapipe", or "" of a detector that is not known.
+        sure: hand -> (T, 21) 0..1 of each joint in the picture; None: as `score` says.
+        name: short name; "": by the source.
     """
 
     source: str
@@ -48,6 +50,8 @@ class Detections:
     fps: float | None = None
     still: bool = False
     detector: str = "mediapipe"
+    sure: dict[Hand, Array] | None = None
+    name: str = ""
 
     def __len__(self) -> int:
         return len(self.time_ns)

@@ -1,5 +1,4 @@
-"""One hand as calibrated cameras saw it, and followed through their pictures: reprojection fits
-over time."""
+"""One hand as calibrated cameras saw it."""
 
 from __future__ import annotations
 
@@ -14,16 +13,7 @@ from numpy.typing import NDArray
 from handtrack.cameras.camera import Camera
 from handtrack.cameras.triangulate import triangulate
 from handtrack.errors import InputError
-from handtrack.fitting.fit import fit
-from handtrack.fitting.images import (
-    MIN_POINTS,
-    NOISE_PX,
-    PRIOR_DEG,
-    SPREAD_PX,
-    ViewResults,
-    shift_to_rays,
-)
-from handtrack.hand.model import HandModel
+from handtrack.fitting.images import shift_to_rays
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
 from handtrack.sequences.sequence import Sequence
 from handtrack.video.detections import Detections
@@ -47,8 +37,11 @@ class Views:
         image: (T, C, 21, 2) [px], NaN where it was not seen.
         score: (T, C) how sure the detector was, 0..1.
         points: (T, 21, 3) [m] in the world: triangulated, or of a single camera its world
-            joints, moved onto the rays of the picture. NaN where too little was seen.
+            joints, moved onto the rays of the picture. NaN where too little was seen, or nothing
+            says how deep the hand is.
         notes: what the user should know.
+        sure: (T, C, 21) of each joint, instead of the score, or None.
+        detector: whose landmarks they are, as in `Detections`.
     """
 
     hand: Hand
@@ -61,6 +54,8 @@ class Views:
     score: Array
     points: Array
     notes: tuple[str, ...] = ()
+    sure: Array | None = None
+    detector: str = "mediapipe"
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -68,7 +63,13 @@ class Views:
     @property
     def weights(self) -> Array:
         """(T, C, 21): the score where a joint was seen, else 0."""
-        return np.asarray(np.isfinite(self.image).all(-1) * self.score[..., None])
+        sure = self.score[..., None] if self.sure is None else self.sure
+        return np.asarray(np.isfinite(self.image).all(-1) * sure)
+
+    @property
+    def seen_by(self) -> str:
+        """Name of the profile whose landmarks the points are; "" where none is known."""
+        return f"{self.detector}-3d" if self.detector and len(self.cameras) > 1 else self.detector
 
     def sequence(self) -> Sequence:
         """The points as a joint sequence, by which the hand is calibrated."""
@@ -81,7 +82,7 @@ class Views:
             name=self.name,
             source=self.source,
             notes=self.notes,
-            detector="mediapipe" if len(self.cameras) == 1 else "mediapipe-3d",
+            detector=self.seen_by,
         )
 
 
@@ -120,12 +121,12 @@ def views_of(detections: Items[Detections], cameras: Items[Camera]) -> list[View
             )
         else:
             points = _onto_rays(first.world[named[0]], image[:, 0], cameras[0])
-        if not np.isfinite(points).any():
+        if len(cameras) > 1 and not np.isfinite(points).any():
             continue
         found.append(
             Views(
                 hand=hand,
-                name=Path(first.source).stem,
+                name=first.name or Path(first.source).stem,
                 source=first.source,
                 cameras=tuple(cameras),
                 time_ns=first.time_ns,
@@ -134,6 +135,8 @@ def views_of(detections: Items[Detections], cameras: Items[Camera]) -> list[View
                 score=score,
                 points=points,
                 notes=notes,
+                sure=_sure(detections, named),
+                detector=first.detector,
             )
         )
     if not found:
@@ -141,6 +144,12 @@ def views_of(detections: Items[Detections], cameras: Items[Camera]) -> list[View
     if len(found) > 1:
         found = [replace(v, name=f"{v.name} {v.hand}") for v in found]
     return found
+
+
+def _sure(detections: Items[Detections], named: list[Hand]) -> Array | None:
+    """(T, C, 21) of each joint, where all detectors say it."""
+    each = [d.sure[h] for d, h in zip(detections, named, strict=True) if d.sure is not None]
+    return np.stack(each, 1) if len(each) == len(detections) else None
 
 
 def _by_votes(detections: Items[Detections]) -> Hand:
@@ -216,112 +225,3 @@ def _onto_rays(world: Array, image: Array, camera: Camera) -> Array:
         shift = shift_to_rays(world[t], camera.undistorted(image[t]))
         out[t] = (world[t] + shift - camera.translation) @ camera.rotation
     return out
-
-
-DOUBT_PX = 8.0
-"""A warm-started frame whose views are off by more (root mean square) is begun anew as well."""
-
-
-@dataclass(frozen=True, eq=False)
-class Followed:
-    """What `follow` found.
-
-    Attributes:
-        sequence: joints (T, 21, 3) of the hand as fitted to the pictures, NaN where no camera
-            saw the joint.
-        reprojection: (T, C, 21) distance of the fitted joints to those seen [px], NaN where not
-            seen.
-        noise_mm: standard deviation per coordinate of the joints, as the reprojection errors
-            show it at the hand's distance [mm].
-    """
-
-    sequence: Sequence
-    reprojection: Array
-    noise_mm: float
-
-
-def follow(views: Views, model: HandModel) -> Followed:
-    """Fit the hand to the pictures of every frame, each from the frame before.
-
-    Where the frame before has no fit, or the fit is doubtful, it is begun anew from the fit to
-    the points (triangulated, or a single camera's own), and the better is taken.
-
-    Args:
-        views: what the cameras saw.
-        model: the hand, calibrated.
-    """
-    n = len(views)
-    pixels, weights = np.nan_to_num(views.image), views.weights
-    seen = weights > 0
-    joints, marks = np.full((n, 21, 3), np.nan), np.full((n, 21, 3), np.nan)
-    one = len(views.cameras) == 1
-    stiffness = (NOISE_PX / np.deg2rad(PRIOR_DEG)) ** 2 if one else 0.0
-    results = ViewResults(1)
-    last: tuple[Array, Array] | None = None
-
-    def run(t: int, start: tuple[Array, Array]) -> tuple[float, Array, Array, Array]:
-        """Objective, angles, root and joints of a frame's fit from angles and root."""
-        at = slice(t, t + 1)
-        results.run(
-            model, views.cameras, pixels[at], weights[at], start[0][None], start[1][None],
-            SPREAD_PX, stiffness,
-        )  # fmt: skip
-        found = (results.angles, results.roots, results.joints)
-        angles, root, placed = (array[0].copy() for array in found)
-        return float(results.objective[0]), angles, root, placed
-
-    for t in range(n):
-        if seen[t].sum() < MIN_POINTS:
-            last = None
-            continue
-        best = None if last is None else run(t, last)
-        if best is None or best[0] > DOUBT_PX**2 * weights[t].sum():
-            anew = _from_points(views, model, t)
-            fresh = None if anew is None else run(t, anew)
-            if fresh is not None and (best is None or fresh[0] < best[0]):
-                best = fresh
-        if best is None:
-            continue
-        last = (best[1], best[2])
-        joints[t] = best[3]
-        turned = model.landmarks_from_joints(best[1], best[2][:9].reshape(3, 3))
-        marks[t] = best[3] + turned
-    error = np.stack(
-        [
-            np.linalg.norm(camera.project(marks) - views.image[:, c], axis=-1)
-            for c, camera in enumerate(views.cameras)
-        ],
-        1,
-    )
-    joints[~seen.any(1)] = np.nan
-    sequence = Sequence(
-        time_ns=views.time_ns,
-        joints=joints,
-        confidence=np.where(seen, weights, 0.0).max(1),
-        hand=views.hand,
-        frame_index=views.frame_index,
-        name=views.name,
-        source=views.source,
-        notes=views.notes,
-    )
-    error = np.where(seen, error, np.nan)
-    return Followed(sequence, error, _noise_mm(views, joints, error))
-
-
-def _noise_mm(views: Views, joints: Array, error: Array) -> float:
-    """Pixels as millimetres: at the joints' depth, over the focal length, by so many views."""
-    per_pixel = []
-    for camera in views.cameras:
-        depth = joints @ camera.rotation[2] + camera.translation[2]
-        per_pixel.append(np.nanmedian(depth) / np.sqrt(np.prod(np.diag(camera.matrix)[:2])))
-    # two coordinates in each of C views stand for three of the joint
-    variance = np.nanmedian(error**2) / (2 * np.log(2)) * np.mean(per_pixel) ** 2
-    return float(1e3 * np.sqrt(variance / len(views.cameras)))
-
-
-def _from_points(views: Views, model: HandModel, t: int) -> tuple[Array, Array] | None:
-    """A pose by the points of a frame; None where there are too few."""
-    if np.isfinite(views.points[t, :, 0]).sum() < MIN_POINTS:
-        return None
-    solid = fit(model, views.points[t], robust="huber")
-    return solid.angles, np.concatenate([solid.rotation.ravel(), solid.translation])

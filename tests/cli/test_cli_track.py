@@ -211,3 +211,21 @@ def test_track_fits_a_hand_of_gltf(sample_file, tmp_path, capsys):
     assert "name two hands" in capsys.readouterr().err
     assert run([*where, "--gltf", str(sample_file)]) == 2
     assert "no glTF" in capsys.readouterr().err
+
+
+def test_landmarks_in_a_picture_are_fitted_there(call, tmp_path):
+    model = ht.HandModel.default("right")
+    x = np.add(model.joints(model.mean_angles), [0.0, 0.0, 0.5])
+    seen = np.tile(x[:, :2] / x[:, 2:] * 500 + [320, 240], (3, 1, 1))
+    np.save(tmp_path / "a.npy", seen)
+    status, _, err = call("track", tmp_path / "a.npy", "-o", "a.mcap")
+    assert status == 2
+    assert "--image-size WxH" in err
+    view = ("--image-size", "640x480", "--fov", "65.2")
+    status, _, err = call("track", tmp_path / "a.npy", *view, "--hand", "right", "-o", "a.mcap")
+    assert status == 0, err
+    assert "does not determine depth (median 0.5" in err
+    (track,) = ht.read_mcap("a.mcap")
+    assert track.settings["cameras"]["from"] == "landmarks in pictures"
+    assert track.settings["cameras"]["lens"] == "65.2 degrees"
+    assert track.settings["cameras"]["reprojection_px"]["median"] < 1

@@ -12,7 +12,8 @@ import pytest
 import handtrack as ht
 from handtrack.errors import InputError
 from handtrack.video.detections import Detections
-from handtrack.video.views import follow, views_of
+from handtrack.video.following import follow
+from handtrack.video.views import views_of
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "cameras"))
 from rigs import rig

@@ -285,6 +285,18 @@ FORMATS: tuple[Format, ...] = (
         "its text",
     ),
     Format(
+        "Landmarks in pictures: MediaPipe, OpenPose, mmpose, COCO-WholeBody",
+        "tables, JSON, .npy and .npz of x and y (with MediaPipe's z or without), in pixels or"
+        " shares of the picture; OpenPose's `*_keypoints.json` (`hand_left_keypoints_2d` ...), a"
+        " folder of them; mmpose's `instance_info` (21 or 133 points); COCO's `keypoints`,"
+        " `lefthand_kpts`",
+        "handtrack, or by name",
+        "px",
+        "both, of several people",
+        "no z, or a wrist whose z is always 0",
+        "`--camera LENS`, or `--image-size WxH` and `--fov`",
+    ),
+    Format(
         "Videos, images",
         ".mp4, .mov, .mkv, .webm, .avi; .jpg, .png, .webp; a folder of images",
         "by MediaPipe",

@@ -11,7 +11,7 @@ import msgspec
 
 from handtrack.errors import InputError
 from handtrack.files import budget
-from handtrack.sequences.readers import dexycb, panoptic, pickled
+from handtrack.sequences.readers import dexycb, keypoints_2d, panoptic, pickled
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.raw import Raw
 from handtrack.sequences.readers.recognise import read_file
@@ -34,6 +34,7 @@ _NUMBERED = (
     (dexycb.FILE_NAME, dexycb.read_files),
     (pickled.FRANKMOCAP_NAME, pickled.read_frankmocap),
     (pickled.HO3D_NAME, pickled.read_ho3d),
+    (keypoints_2d.FILE_NAME, keypoints_2d.read_openpose),
 )
 
 
@@ -123,8 +124,16 @@ def together_by_name(names: list[str]) -> list[list[str]]:
     for pattern in (*(pattern for pattern, _ in _NUMBERED), panoptic.FILE_NAME):
         together = [name for name in names if pattern.fullmatch(name)]
         names = [name for name in names if not pattern.fullmatch(name)]
-        groups += [together] if together else []
+        groups += _by_video(together)
     return groups + [[name] for name in names]
+
+
+def _by_video(names: list[str]) -> list[list[str]]:
+    """OpenPose's files by the video that they name; those of other formats are all of one."""
+    groups: dict[str | None, list[str]] = {}
+    for name in names:
+        groups.setdefault(keypoints_2d.openpose_prefix(name), []).append(name)
+    return list(groups.values())
 
 
 def _groups(names: list[str], here: Path) -> Iterator[list[str]]:
@@ -133,8 +142,7 @@ def _groups(names: list[str], here: Path) -> Iterator[list[str]]:
     for pattern, _ in _NUMBERED:
         together = [name for name in names if pattern.fullmatch(name)]
         names = [name for name in names if not pattern.fullmatch(name)]
-        if together:
-            yield together
+        yield from _by_video(together)
     for name in names:
         prefix = panoptic.prefix(name)
         if prefix is None:

@@ -42,7 +42,8 @@ def hand_pose(data: bytes) -> Message:
                 raise ValueError("26 joints do not fit in it")
             found = np.frombuffer(data, _JOINT, _JOINTS, joints)
             places = np.where(found["valid"][:, None] != 0, found["place"], np.nan)
-    return Poses(stamp or None, "", places.astype(np.float64))
+    with np.errstate(invalid="ignore"):  # damaged numbers may be NaN that signal
+        return Poses(stamp or None, "", places.astype(np.float64))
 
 
 def _offset(data: bytes, at: int) -> int:

@@ -15,19 +15,23 @@ nestings of the same:
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from collections.abc import Sequence as Items
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from handtrack.errors import InputError
-from handtrack.sequences.readers import hot3d, ultraleap, visionpro
+from handtrack.sequences.readers import hot3d, keypoints_2d, ultraleap, visionpro
 from handtrack.sequences.readers.both_hands import of_sides, two_hands
 from handtrack.sequences.readers.fields import as_frames, from_fields
+from handtrack.sequences.readers.flat_json import with_depth
 from handtrack.sequences.readers.found import CONTAINERS, MOST_NAMES, hands_in
 from handtrack.sequences.readers.jsontext import decode
+from handtrack.sequences.readers.pictures import flat
 from handtrack.sequences.readers.points import are_points
 from handtrack.sequences.readers.raw import NotJointsError, Raw, stem
 from handtrack.sequences.readers.record_places import Places
@@ -73,7 +77,7 @@ def read_lines(data: bytes, path: Path) -> list[Raw]:
     if len(values) != len(lines):
         values = [decode(line, Any, path, first_line=n) for n, line in lines]
     places = Places("line", [n for n, _ in lines])
-    return _of_source(values, places, path) or read_records(values, places, path)
+    return flat_too(lambda v: _of_source(v, places, path) or read_records(v, places, path), values)
 
 
 def _of_source(values: list[Any], places: Items[str], path: Path) -> list[Raw] | None:
@@ -101,6 +105,27 @@ def read_json(data: bytes, path: Path) -> list[Raw]:
     return from_value(decode(data, Any, path), path)
 
 
+def flat_too(read: Callable[[Any], list[Raw]], value: Any) -> list[Raw]:
+    """What a reader makes of a value; where it refuses it, of the same as places in a picture.
+
+    Raises:
+        NotJointsError, InputError: as the reader.
+    """
+    try:
+        return read(value)
+    except InputError as error:
+        deep = with_depth(value)
+        if deep is None:
+            raise
+        try:
+            found = read(deep)
+        except InputError:
+            raise error from None
+        if any(np.nan_to_num(raw.joints[..., 2]).any() for raw in found):
+            raise
+        return [flat(raw) for raw in found]
+
+
 def _refuse_nothing(data: bytes, path: Path) -> None:
     """Told from the bytes: millions of empty frames take seconds to decode."""
     closed = data.count(b"[") == data.count(b"]")
@@ -114,6 +139,13 @@ def from_value(value: Any, path: Path) -> list[Raw]:
     Raises:
         NotJointsError, InputError: as `read_json`.
     """
+    return flat_too(lambda v: _from_value(v, path), value)
+
+
+def _from_value(value: Any, path: Path) -> list[Raw]:
+    in_pictures = keypoints_2d.read_other(value, path)
+    if in_pictures is not None:
+        return in_pictures
     if isinstance(value, dict):
         return _of_source([value], ["the object"], path) or _with_world(_object(value, path), value)
     if not isinstance(value, list):

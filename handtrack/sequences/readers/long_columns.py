@@ -23,9 +23,8 @@ from handtrack.sequences.names import (
     settle,
     words,
 )
-from handtrack.sequences.readers.raw import NotJointsError
 from handtrack.sequences.readers.table_cells import MISSING, Table
-from handtrack.sequences.readers.table_columns import ONLY_XY, first_number
+from handtrack.sequences.readers.table_columns import first_number
 from handtrack.sequences.titles import Column, column, is_confidence, may_be_hand_label, nearest
 
 _OF_JOINTS = {
@@ -80,7 +79,6 @@ def long_columns(table: Table, titles: list[str], path: Path) -> LongColumns | N
     """The columns of a table of one row a joint; None where it is another kind of table.
 
     Raises:
-        NotJointsError: a row for each joint, of positions in a picture.
         InputError: a joint that is not known.
     """
     axes, unit = _axes(titles)
@@ -93,8 +91,6 @@ def long_columns(table: Table, titles: list[str], path: Path) -> LongColumns | N
     ways = _names(titles, melted, axes)
     if not ways or not table.lines:
         return None
-    if len(axes) == 2:
-        raise NotJointsError(ONLY_XY, path)
     table.check_width()
     table = _hands_only(table, titles)
     error: InputError | None = None

@@ -14,7 +14,7 @@ from handtrack.hand.skeleton import Hand
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.long_columns import LongColumns
-from handtrack.sequences.readers.pictures import refuse_pictures
+from handtrack.sequences.readers.pictures import flat, seen_in_picture
 from handtrack.sequences.readers.raw import Array, Raw, stem, usable_confidence
 from handtrack.sequences.readers.table_cells import Table
 from handtrack.sequences.readers.table_columns import Columns, other_columns
@@ -82,6 +82,7 @@ def read_long(titles: list[str], long: LongColumns) -> list[Raw]:
         notes.append(f"columns not used: {', '.join(unused[:8])}")
     raw = Raw(joints, path, stem(path), confidence=confidence, unit=long.unit, order=long.order)
     raw.frame_index = np.array(groups.frame, dtype=np.int64)
+    raw = flat(raw) if len(long.axes) == 2 else raw
     parts: list[Raw] = []
     for hand in dict.fromkeys(groups.hand):
         for second in sorted(set(groups.second)):
@@ -266,7 +267,7 @@ def _placed(
     axis_of = np.array([3 if a is None else a for _, _, a in long.slots], dtype=np.int64)
     joint, axis = joint_of[codes], axis_of[codes]
     whole = (joint >= 0) & (axis == 3)
-    joints[groups.of_row[whole], joint[whole]] = values[whole]
+    joints[groups.of_row[whole], joint[whole], : values.shape[1]] = values[whole]
     one = (joint >= 0) & (axis >= 0) & (axis < 3)
     joints[groups.of_row[one], joint[one], axis[one]] = values[one, 0]
     confident = (joint >= 0) & (axis == -1)
@@ -307,8 +308,7 @@ def _timed(
         confidence = np.ones(joints.shape[:2])
         confidence[place] = raw.confidence
     out = replace(raw, joints=joints, confidence=confidence, stamps=stamps, frame_index=numbers)
-    refuse_pictures(out, normalised)
-    return out
+    return out if out.picture else seen_in_picture(out, normalised)
 
 
 def _filled(numbers: NDArray[np.int64], stamps: Stamps | None) -> bool:

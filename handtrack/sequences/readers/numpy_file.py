@@ -11,6 +11,7 @@ from handtrack.files import npz
 from handtrack.sequences.readers import freemocap, mano_params, visionpro
 from handtrack.sequences.readers.both_hands import by_frame, of_sides, two_hands
 from handtrack.sequences.readers.fields import as_frames, from_fields
+from handtrack.sequences.readers.json_file import flat_too
 from handtrack.sequences.readers.raw import Raw, stem
 from handtrack.sequences.titles import joints_key
 
@@ -25,7 +26,9 @@ def read_npy(data: bytes, path: Path) -> list[Raw]:
     whole = freemocap.holistic(array, path)
     if whole is not None:
         return whole
-    return two_hands(Raw(as_frames(array, path, "the array"), path, stem(path)))
+    return flat_too(
+        lambda a: two_hands(Raw(as_frames(a, path, "the array"), path, stem(path))), array
+    )
 
 
 def read_npz(data: bytes, path: Path) -> list[Raw]:
@@ -41,7 +44,11 @@ def read_npz(data: bytes, path: Path) -> list[Raw]:
         return mano_params.from_named(fields, path)
     if visionpro.arrays(fields):
         return visionpro.from_arrays(fields, path)
-    parts = [own for part in of_sides(_alone(fields)) for own in by_frame(part, path)]
+    return flat_too(lambda f: _named(f, path), _alone(fields))
+
+
+def _named(fields: dict[str, Any], path: Path) -> list[Raw]:
+    parts = [own for part in of_sides(fields) for own in by_frame(part, path)]
     return [raw for part in parts for raw in two_hands(from_fields(part, path))]
 
 

@@ -2,37 +2,64 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from handtrack.errors import InputError
-from handtrack.sequences.readers.raw import Raw
+from handtrack.sequences.readers.raw import NotJointsError, Raw
 
-_AT_ZERO = 1e-3
+FIT_IN_2D = (
+    "fit them in the picture (handtrack track --camera LENS, or --image-size WxH and --fov DEGREES)"
+)
+ONLY_XY = (
+    "only x and y of each joint: positions in a picture are no 3D joints; take MediaPipe's world"
+    f" landmarks, triangulate two cameras' pictures, or {FIT_IN_2D}"
+)
+AT_ZERO = 1e-3
 """The wrist's z, which MediaPipe measures the others' from, as a share of the hand's extent."""
 
 
-def refuse_pictures(raw: Raw, normalised: bool = False) -> None:
-    """Refuse MediaPipe's landmarks in the picture: the wrist's z is 0 by definition, x and y are
-    not. One frame tells where the source calls them normalised.
-
-    Raises:
-        InputError: they are, with the ones to take.
-    """
-    if raw.unit is not None or raw.joints.shape[1] != 21 or raw.order not in (None, "handtrack"):
-        return
+def seen_in_picture(raw: Raw, normalised: bool = False) -> Raw:
+    """The same, marked where it is MediaPipe's landmarks in the picture: the wrist's z is 0 by
+    definition, x and y are not. One frame tells where the source calls them normalised."""
+    known = raw.unit is not None or raw.picture
+    if known or raw.joints.shape[1] != 21 or raw.order not in (None, "handtrack"):
+        return raw
     seen = raw.joints[np.isfinite(raw.joints).all((1, 2))]
     if len(seen) < (1 if normalised else 2):
-        return
+        return raw
     wrist, extent = seen[:, 0], float(np.ptp(seen, axis=(0, 1)).max())
-    flat = np.abs(wrist[:, 2]).max() < _AT_ZERO * extent
-    moves = normalised or np.ptp(wrist[:, :2], axis=0).max() > 10 * _AT_ZERO * extent
+    flat = np.abs(wrist[:, 2]).max() < AT_ZERO * extent
+    moves = normalised or np.ptp(wrist[:, :2], axis=0).max() > 10 * AT_ZERO * extent
     deep = float(np.ptp(seen[..., 2])) > 0
     if not (flat and moves and deep) or seen[..., :2].min() < -0.5:
-        return
-    what = "shares of a picture" if seen[..., :2].max() < 2 else "pixels"
-    raise InputError(
-        f"x and y are {what} and the wrist's z is always 0: these are landmarks in a picture, not"
-        " joints in space; take MediaPipe's world landmarks (hand_world_landmarks,"
-        " multi_hand_world_landmarks)",
-        raw.path,
-    )
+        return raw
+    return replace(raw, picture="deep")
+
+
+def flat(raw: Raw) -> Raw:
+    """Positions in a picture of which only x and y are given: z is 0 where these are known."""
+    joints = raw.joints.copy()
+    joints[..., 2] = np.where(np.isfinite(joints[..., :2]).all(-1), 0.0, np.nan)
+    return replace(raw, joints=joints, picture="flat")
+
+
+def refuse_picture(raw: Raw) -> None:
+    """Refuse landmarks in a picture where joints in space are meant.
+
+    Raises:
+        NotJointsError: only x and y of each.
+        InputError: MediaPipe's landmarks in the picture.
+    """
+    if raw.picture == "flat":
+        raise NotJointsError(ONLY_XY, raw.path)
+    if raw.picture == "deep":
+        seen = raw.joints[np.isfinite(raw.joints).all((1, 2)), :, :2]
+        what = "shares of a picture" if seen.size and seen.max() < 2 else "pixels"
+        raise InputError(
+            f"x and y are {what} and the wrist's z is always 0: these are landmarks in a picture,"
+            " not joints in space; take MediaPipe's world landmarks (hand_world_landmarks,"
+            f" multi_hand_world_landmarks), or {FIT_IN_2D}",
+            raw.path,
+        )

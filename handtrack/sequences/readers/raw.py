@@ -69,6 +69,9 @@ class Raw:
         by_number: the source tells its hands apart by numbers, and does not say which is which.
         tagged: the name gets the hand appended even where it is the only one.
         detector: name of the profile whose landmarks the joints are, where the source says.
+        picture: whether these are places in a picture: "deep", with a z that says how much nearer
+            than the wrist a joint is, in the unit of x, as MediaPipe has it; "flat", without (z is
+            0); "": joints in space.
         notes: for the user, one line each.
     """
 
@@ -90,6 +93,7 @@ class Raw:
     by_number: bool = False
     tagged: bool = False
     detector: str = ""
+    picture: Literal["", "deep", "flat"] = ""
     notes: tuple[str, ...] = ()
 
 

@@ -6,6 +6,7 @@ import gzip
 import zlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -17,6 +18,7 @@ from handtrack.sequences.readers import (
     c3d_file,
     freemocap,
     freihand,
+    keypoints_2d,
     leap,
     numpy_file,
     panoptic,
@@ -142,11 +144,7 @@ def _read_json(data: bytes, path: Path) -> list[Raw]:
     fields = decode(data, dict[str, msgspec.Raw], path)
     if "people" in fields:
         if b"keypoints_" in bytes(fields["people"]):
-            raise NotJointsError(
-                "OpenPose's key points are places in a picture, not joints in space: triangulate"
-                " those of two cameras, or fit the video itself (handtrack track VIDEO)",
-                path,
-            )
+            return keypoints_2d.read_one(decode(data, dict[str, Any], path), path)
         return panoptic.read_file(data, path)
     if "frames" in fields and leap.is_leap(data):
         return leap.read_leap(data, path)

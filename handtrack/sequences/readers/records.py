@@ -19,7 +19,7 @@ from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import words
 from handtrack.sequences.readers.fields import RATES, UNIT_KEYS, as_frames
 from handtrack.sequences.readers.found import Found, hands_in, names_hands, side_of
-from handtrack.sequences.readers.pictures import refuse_pictures
+from handtrack.sequences.readers.pictures import seen_in_picture
 from handtrack.sequences.readers.points import are_points, read_points
 from handtrack.sequences.readers.points_together import read_many
 from handtrack.sequences.readers.raw import (
@@ -101,7 +101,7 @@ def read_records(
         raw.stamps = own or (None if logged is None else logged.take(hand.rows))
         raw.frame_index = frame_index_of(rows, path)
         if not any(f.key and "world" in words(f.key) for f in hand.found.values()):
-            refuse_pictures(raw)
+            raw = seen_in_picture(raw)
         raws.append(raw)
     return raws
 

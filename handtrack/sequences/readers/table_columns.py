@@ -41,12 +41,19 @@ class HandColumns:
         named: whether the joints are ours, by name.
         joints: column of each (joint, axis).
         confidence: column of each joint's confidence; of the whole hand's under -1.
+        flat: whether there are x and y alone: places in a picture.
     """
 
     n_joints: int = N_JOINTS
     named: bool = True
     joints: dict[tuple[int, int], int] = field(default_factory=dict)
     confidence: dict[int, int] = field(default_factory=dict)
+    flat: bool = False
+
+    @property
+    def axes(self) -> int:
+        """How many coordinates a joint has."""
+        return 2 if self.flat else 3
 
 
 @dataclass
@@ -91,7 +98,7 @@ def read_columns(titles: list[str], path: Path) -> Columns:
         _check_axes(places, found.unused, path)
         if places.joints:
             found.hands[hand] = places
-    if not any(len(places.joints) >= 3 * _FEWEST for places in found.hands.values()):
+    if not any(len(places.joints) >= places.axes * _FEWEST for places in found.hands.values()):
         there = ", ".join(titles[:_TO_SAY])[:60]
         raise NotJointsError(
             f"no joints in it: expected columns such as wrist_x, found {there}", path
@@ -193,7 +200,7 @@ def _refuse_meant(
 
 def _refuse_triples(found: Columns, path: Path) -> None:
     """Where joints are missing, a place in space that is not understood may be one of them."""
-    if all(len(places.joints) >= 3 * N_JOINTS for places in found.hands.values()):
+    if all(len(places.joints) >= places.axes * N_JOINTS for places in found.hands.values()):
         return
     rests: dict[tuple[str, ...], list[str]] = {}
     for title in found.unused:
@@ -280,19 +287,12 @@ def first_number(numbers: set[int], title: str, path: Path) -> tuple[int, int]:
     return begin, n
 
 
-ONLY_XY = (
-    "only x and y of each joint: positions in a picture are no 3D joints (MediaPipe gives"
-    " those as world landmarks; two cameras' pictures can be triangulated)"
-)
-
-
 def _check_axes(places: HandColumns, unused: list[str], path: Path) -> None:
     there = {joint for joint, _ in places.joints}
     axes = {axis for _, axis in places.joints}
-    if axes == {0, 1}:
-        raise NotJointsError(ONLY_XY, path)
+    places.flat = axes == {0, 1}
     for joint in sorted(there):
-        for axis in range(3):
+        for axis in range(2 if places.flat else 3):
             if (joint, axis) not in places.joints:
                 name = JOINT_NAMES[joint] if places.named else f"joint {joint}"
                 other = f"; not understood: {_few(unused)}" if unused else ""

@@ -25,7 +25,7 @@ from handtrack.sequences.readers.bare_table import read_bare
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.long_columns import long_columns
 from handtrack.sequences.readers.long_table import read_long
-from handtrack.sequences.readers.pictures import refuse_pictures
+from handtrack.sequences.readers.pictures import flat, seen_in_picture
 from handtrack.sequences.readers.raw import (
     Array,
     NotJointsError,
@@ -92,7 +92,7 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
             stamps=stamps,
             notes=tuple(notes),
         )
-        refuse_pictures(raw, table.normalised)
+        raw = flat(raw) if places.flat else seen_in_picture(raw, table.normalised)
         parts = by_hand(raw, table, table.titles, columns, label)
         if columns.order == "umetrack":
             parts = [replace(part, pending=InDevice()) for part in parts]

@@ -1,0 +1,261 @@
+"""What `track` fits to the pictures of cameras: videos, and landmarks that are stored in files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handtrack.cli.inputs import Reading
+from handtrack.cli.models import Models
+from handtrack.cli.sources import Item
+from handtrack.errors import InputError, SettingsError
+
+if TYPE_CHECKING:
+    from handtrack import Camera, HandModel
+    from handtrack.video.following import Followed
+    from handtrack.video.landmark_files import Found
+    from handtrack.video.views import Views
+
+
+LEAST_NOISE_MM = 1e-3
+"""Made pictures are met exactly; no fit is told that there is no noise."""
+
+
+@dataclass(frozen=True)
+class Lens:
+    """What the user says of the cameras.
+
+    Attributes:
+        file: their calibration.
+        size: (width, height) of the pictures [px].
+        fov_deg: how wide the camera sees.
+    """
+
+    file: Path | None
+    size: tuple[int, int] | None
+    fov_deg: float | None
+
+    @property
+    def given(self) -> bool:
+        """Whether anything is said."""
+        return any(said is not None for said in (self.file, self.size, self.fov_deg))
+
+    def cameras(self, unit: str | None, count: int) -> list[Camera] | None:
+        """The calibrated cameras, of pictures of the size that is said; None without a file.
+
+        Raises:
+            InputError: not as many as inputs, or of another size.
+            SettingsError: a calibration and a field of view.
+        """
+        import handtrack as ht
+
+        if self.file is None:
+            if count != 1:
+                raise SettingsError(
+                    f"--image-size and --fov tell of one camera, {count} inputs are named: name"
+                    " one, or give the cameras' --camera calibration"
+                )
+            return None
+        if self.fov_deg is not None:
+            raise SettingsError("--camera has the lens already: leave --fov out")
+        cameras = ht.load_cameras(self.file, unit)
+        if len(cameras) != count:
+            names = ", ".join(c.name for c in cameras)
+            raise InputError(
+                f"{len(cameras)} cameras ({names}) for {count} inputs: give them in the order of"
+                " the calibration",
+                self.file,
+            )
+        for camera in cameras:
+            if None not in (self.size, camera.size) and camera.size != self.size:
+                raise InputError(
+                    f"camera {camera.name} was calibrated for pictures of {camera.size},"
+                    f" --image-size says {self.size}",
+                    self.file,
+                )
+        return [replace(c, size=c.size or self.size) for c in cameras]
+
+    def camera(self, size: tuple[int, int]) -> Camera:
+        """The one camera of which no more is known than how wide it sees, if that."""
+        from handtrack.video.landmark_files import camera_of_view
+        from handtrack.video.placing import assumed_camera
+
+        return assumed_camera(size) if self.fov_deg is None else camera_of_view(size, self.fov_deg)
+
+
+def from_cameras(
+    lens: Lens,
+    inputs: tuple[Path, ...],
+    reading: Reading,
+    models: Models,
+    calibrate: bool | str,
+    quiet: bool,
+    detector: str,
+) -> tuple[Item, float]:
+    """Hands followed in the pictures of cameras.
+
+    Returns:
+        The hands' joints in the cameras' world with the pictures, and how far they are from
+        those; and the joints' noise [mm] that the reprojection errors show.
+
+    Raises:
+        InputError: the files do not belong together.
+    """
+    import numpy as np
+
+    from handtrack.files.pictures import pictures_in
+    from handtrack.hand.reshape import without_landmarks
+    from handtrack.video.following import follow
+    from handtrack.video.placing import Seen
+    from handtrack.video.views import views_of
+
+    cameras = lens.cameras(reading.unit, len(inputs))
+    people, stored = _people(lens, cameras, inputs, reading, quiet)
+    sequences, noise, hands = [], [], []
+    told: dict[tuple[str, str], dict[str, Any]] = {}
+    for found in people:
+        seen = [f.detections for f in found]
+        used = cameras or [lens.camera(seen[0].size)]
+        for views in views_of(seen, used):
+            if not stored and reading.hand not in ("auto", views.hand):
+                continue
+            views = replace(views, notes=(*views.notes, *(n for f in found for n in f.notes)))
+            model = _hand(views, models, calibrate, detector, stored)
+            followed = follow(views, model)
+            # what follows are joint centres
+            models.keep(without_landmarks(model))
+            hands.append(views)
+            sequences.append(followed.sequence)
+            noise.append(followed.noise_mm)
+            pixels = followed.reprojection[np.isfinite(followed.reprojection)]
+            values = (pixels.mean(), *np.percentile(pixels, [50, 95]), pixels.max())
+            kinds = ("mean", "median", "p95", "max")
+            error = {kind: round(float(x), 3) for kind, x in zip(kinds, values, strict=True)}
+            about: dict[str, Any] = {"views": len(used), "reprojection_px": error}
+            if stored:
+                about["from"] = "landmarks in pictures"
+            if lens.file is None:
+                about["lens"] = "assumed" if lens.fov_deg is None else f"{lens.fov_deg:g} degrees"
+            told[views.name, views.hand] = {"cameras": about}
+            if not quiet:
+                _say(followed, views, error["median"])
+                if len(used) == 1:
+                    _say_what_it_knows(followed, lens, model, models, stored)
+    if not sequences:
+        raise InputError(f"there is no {reading.hand} hand", inputs[0])
+    pictures = None
+    if pictures_in(inputs[0]) is not None:
+        pictures = Seen.together([f.detections for f in people[0]], hands)
+    item = Item.of(sequences, inputs[0], pictures)
+    item.told = told
+    return item, max(*noise, LEAST_NOISE_MM)
+
+
+def _people(
+    lens: Lens,
+    cameras: list[Camera] | None,
+    inputs: tuple[Path, ...],
+    reading: Reading,
+    quiet: bool,
+) -> tuple[list[list[Found]], bool]:
+    """For each person what each camera saw, and whether that was stored in files.
+
+    Raises:
+        InputError: of several cameras one saw several people.
+    """
+    from handtrack.files.pictures import pictures_in
+    from handtrack.sequences.hands import CHOICES
+    from handtrack.video.landmark_files import Found, found_in
+
+    seen: list[list[Found]] = []
+    stored = False
+    choice = next(c for c in CHOICES if c == reading.hand)
+    for i, path in enumerate(inputs):
+        if path.exists() and pictures_in(path) is not None:
+            if lens.size is not None:
+                raise SettingsError(f"{path}: pictures have a size: leave --image-size out")
+            seen.append([Found(reading._replace(unit=None).detect(path, quiet), ())])
+            continue
+        stored = True
+        size = lens.size if cameras is None else cameras[i].size
+        people = found_in(reading.landmarks(path), size, choice)
+        if not people:
+            raise InputError(f"there is no {reading.hand} hand", path)
+        if len(people) > 1 and len(inputs) > 1:
+            raise InputError(
+                f"{len(people)} people in it: which one is which in the other cameras' pictures is"
+                " not known (leave one)",
+                path,
+            )
+        seen.append(people)
+    return [[people[k] for people in seen] for k in range(len(seen[0]))], stored
+
+
+def _hand(
+    views: Views, models: Models, calibrate: bool | str, detector: str, stored: bool
+) -> HandModel:
+    """The hand that is fitted: calibrated where the cameras see how large it is."""
+    import handtrack as ht
+    from handtrack.detectors.chosen import seen_by
+
+    if stored and len(views.cameras) == 1:
+        return seen_by(models.of(views.hand), detector, views.seen_by)[0]
+    points = views.sequence()
+    model, method = models.subject(points, calibrate)
+    model, profile = seen_by(model, detector, points.detector)
+    if method == "none":
+        return model
+    methods: dict[Any, str] = {True: "auto", False: "scale"}
+    noise_of = None if profile is None else profile.noise
+    return ht.calibrate(model, points, methods.get(method, method), noise=noise_of).model
+
+
+def _say(followed: Followed, views: Views, median_px: float) -> None:
+    """How well the hand explains the pictures."""
+    name = followed.sequence.name
+    for note in followed.sequence.notes:
+        click.echo(f"warning: {name}: {note}", err=True)
+    count = len(views.cameras)
+    click.echo(
+        f"{name}: {views.hand} hand in {count} view{'s' if count > 1 else ''}, reprojection error"
+        f" {median_px:.2f} px (median)",
+        err=True,
+    )
+
+
+def _say_what_it_knows(
+    followed: Followed, lens: Lens, model: HandModel, models: Models, stored: bool
+) -> None:
+    """What one camera determines, and what it does not."""
+    import numpy as np
+
+    from handtrack.hand.skeleton import BASES
+    from handtrack.sequences.size import palm_length
+
+    joints = followed.sequence.joints
+    depth = float(np.nanmedian(joints[:, [0, *BASES], 2]))
+    palm = palm_length(model.joints(model.mean_angles)[None])
+    click.echo(
+        f"{followed.sequence.name}: one camera determines where each joint is in the picture, and"
+        " by that the hand's direction, its turn and how far fingers are bent in the picture's"
+        " plane",
+        err=True,
+    )
+    size = "its size is the file's" if models.file is not None else "its size is assumed"
+    if not stored:
+        size = "its size is the detector's guess"
+    cure = "" if models.file is not None else " (--hand-model FILE says it)"
+    focal = ""
+    if lens.file is None:
+        what = "assumed" if lens.fov_deg is None else "as --fov says"
+        focal = f" and the focal length, {what}: a lens 10 % longer puts it 10 % farther away"
+    click.echo(
+        f"{followed.sequence.name}: it does not determine depth (median {depth:.2f} m), which"
+        f" follows from the hand's size, a palm of {1e3 * palm:.0f} mm, {size}{cure}: a hand 10 %"
+        f" larger is 10 % farther away{',' + focal if focal else ''}; and hardly how fingers bend"
+        " towards the camera",
+        err=True,
+    )
