@@ -76,12 +76,12 @@ def fit_batch(
         parts = list(pool.map(run, [slice(i, i + size) for i in range(0, max(n, 1), size)]))
 
     def join(name: str) -> Array:
-        return np.concatenate([getattr(part, name) for part in parts])
+        return np.concatenate([part.rows[name] for part in parts])
 
-    roots, covariance = join("roots"), join("covariance")
+    roots, covariance = join("root"), np.concatenate([part.covariance for part in parts])
     if covariances:
         covariance = at_noise(covariance, join("noise")[:, None, None])
-    status = np.array([STATUS.get(int(s), "missing") for s in join("states")], dtype=str)
+    status = np.array([STATUS.get(int(s), "missing") for s in join("state")], dtype=str)
     return Fit(
         angles=join("angles"),
         rotation=roots[:, :9].reshape(-1, 3, 3),
@@ -89,8 +89,8 @@ def fit_batch(
         joints=join("joints"),
         objective=join("objective"),
         status=status,
-        sweeps=join("sweeps").astype(np.int64),
-        steps=join("steps").astype(np.int64),
+        sweeps=join("sweeps"),
+        steps=join("steps"),
         covariance=covariance,
         variance=join("variance"),
     )

@@ -14,7 +14,7 @@ from handtrack.fitting.result import Fit
 from handtrack.fitting.settings import FitSettings
 from handtrack.fitting.solver import Program, Results, observations, start_at
 from handtrack.hand.model import HandModel
-from handtrack.kernels import frame_loop as frames
+from handtrack.kernels import workspace
 
 Array = NDArray[np.float64]
 
@@ -60,13 +60,13 @@ def fit(
     program = _program(FitSettings.of(settings, options))
     targets, w = observations(joints, weights)
     keep = start_at(model, start)
-    first = keep[: frames.KEEP_ROOT].copy()
+    first = keep["angles"][0].copy()
     rng = np.random.default_rng(0) if starts > 1 else None
     fits: list[Fit] = []
     for _ in range(starts):
         if fits and rng is not None:
             first = model.limits.clamp(rng.uniform(model.limits.lower, model.limits.upper))
-            keep[frames.MEMORY] = frames.NEW
+            keep["memory"] = workspace.NEW
         results = Results(1)
         results.run(program, model, targets, w, keep, first)
         if not w.any():

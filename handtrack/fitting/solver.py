@@ -19,6 +19,7 @@ from handtrack.kernels import frame_loop as frames
 from handtrack.kernels.compiled import addresses
 from handtrack.kernels.losses import NO_LOSS
 from handtrack.kernels.newton import newton
+from handtrack.kernels.workspace import Records
 from handtrack.read_only import read_only
 
 Array = NDArray[np.float64]
@@ -101,11 +102,8 @@ class Results:
     """What `frame_loop.fit_frames` says of T frames; NaN where nothing is fitted.
 
     Attributes:
-        rows: (T, OUT_SIZE) as in `frame_loop`; the arrays below are views of it.
-        angles: (T, 20) [rad]; roots: (T, 12) rotation and translation [m];
-            joints: (T, 21, 3) [m]; objective: (T,) [m^2].
-        noise: (T,) variance of the joints per coordinate [m^2], given or from the residual.
-        variance: (T, 20) of the angles [rad^2].
+        rows: (T,) RESULT of `kernels.workspace`, which says what the fields are; `angles` and
+            those below are views of them.
         covariance: (T, 26, 26) at unit noise, or (0, 26, 26).
     """
 
@@ -114,20 +112,20 @@ class Results:
         n: how many frames.
         full: whether covariances are wanted, or only variances.
         """
-        self.rows = np.empty((n, frames.OUT_SIZE))
+        self.rows = np.empty(n, workspace.RESULT)
         self.covariance = np.empty((n if full else 0, N_POSE, N_POSE))
 
     @property
     def angles(self) -> Array:
-        return self.rows[:, _ANGLES]
+        return self.rows["angles"]
 
     @property
     def roots(self) -> Array:
-        return self.rows[:, _ROOT]
+        return self.rows["root"]
 
     @property
     def joints(self) -> Array:
-        return self.rows[:, _JOINTS].reshape(-1, N_JOINTS, 3)
+        return self.rows["joints"]
 
     def landmarks(self, model: HandModel) -> Array:
         """(T, 21, 3) where the poses have the model's landmarks [m]."""
@@ -139,35 +137,11 @@ class Results:
 
     @property
     def objective(self) -> Array:
-        return self.rows[:, frames.OUT_OBJECTIVE]
-
-    @property
-    def noise(self) -> Array:
-        return self.rows[:, frames.OUT_NOISE]
-
-    @property
-    def states(self) -> Array:
-        """(T,) as `workspace` names them."""
-        return self.rows[:, frames.OUT_STATE]
-
-    @property
-    def sweeps(self) -> Array:
-        """(T,) sweeps of Algorithm 1."""
-        return self.rows[:, frames.OUT_SWEEPS]
-
-    @property
-    def steps(self) -> Array:
-        """(T,) Newton steps."""
-        return self.rows[:, frames.OUT_STEPS]
+        return self.rows["objective"]
 
     @property
     def worst(self) -> Array:
-        """(T,) greatest distance of a joint to its fitted one [m]."""
-        return self.rows[:, frames.OUT_WORST]
-
-    @property
-    def variance(self) -> Array:
-        return self.rows[:, _VARIANCE]
+        return self.rows["worst"]
 
     def part(self, frames: slice) -> Results:
         """Some of the frames, as views."""
@@ -181,7 +155,7 @@ class Results:
         model: HandModel,
         targets: Array,
         weights: Array,
-        keep: Array,
+        keep: Records,
         start: Array,
         min_joints: int = 1,
         alone: bool = False,
@@ -190,7 +164,7 @@ class Results:
 
         Args:
             targets, weights: (T, 21, 3) [m] and (T, 21); overwritten (see `frame_loop.fit_frames`).
-            keep: (33,) from `start_at`, what is known of the frames before; overwritten.
+            keep: (1,) KEEP from `start_at`, what is known of the frames before; overwritten.
             start: (20,) the angles of a cold start [rad].
             min_joints: a frame with fewer joints is not fitted, nor one with its joints on a
                 line; with 1 every frame is that has a joint.
@@ -220,22 +194,7 @@ class Results:
 
     def row(self, t: int) -> Row:
         """Frame t, its arrays as views."""
-        row = self.rows[t]
-        objective, noise, seen, state, sweeps, steps = row[_NUMBERS].tolist()
-        return Row(
-            row[_ANGLES],
-            row[_TURN].reshape(3, 3),
-            row[_SHIFT],
-            row[_QUATERNION],
-            row[_JOINTS].reshape(N_JOINTS, 3),
-            row[_VARIANCE],
-            objective,
-            noise,
-            int(seen),
-            int(state),
-            int(sweeps),
-            int(steps),
-        )
+        return Row(*self.rows[t].item())
 
     def fit(self, t: int) -> Fit:
         """Frame t as a Fit."""
@@ -256,43 +215,34 @@ class Results:
         )
 
 
-_ANGLES, _TURN = slice(frames.OUT_ANGLES, frames.OUT_ROOT), slice(frames.OUT_ROOT, frames.OUT_SHIFT)
-_ROOT = slice(frames.OUT_ROOT, frames.OUT_QUATERNION)
-_SHIFT = slice(frames.OUT_SHIFT, frames.OUT_QUATERNION)
-_QUATERNION = slice(frames.OUT_QUATERNION, frames.OUT_JOINTS)
-_JOINTS = slice(frames.OUT_JOINTS, frames.OUT_OBJECTIVE)
-_NUMBERS = slice(frames.OUT_OBJECTIVE, frames.OUT_VARIANCE)
-_VARIANCE = slice(frames.OUT_VARIANCE, frames.OUT_WORST)
-
-
-def pose_of(row: Array) -> tuple[Array, Array, Array, Array]:
-    """Angles, quaternion, translation and joints of a row of results, as views."""
-    return row[_ANGLES], row[_QUATERNION], row[_SHIFT], row[_JOINTS].reshape(N_JOINTS, 3)
-
-
 _DIAGONAL = (np.arange(N_ANGLES), np.arange(N_ANGLES))
 
 
 class Row(NamedTuple):
-    """Results of one frame, as in `Results`; poses are NaN where nothing is fitted.
-
-    Attributes:
-        seen: joints with a weight.
-        state: as `workspace` names them.
-    """
+    """A record RESULT of `kernels.workspace`, field by field."""
 
     angles: Array
-    rotation: Array
-    translation: Array
+    root: Array
     quaternion: Array
     joints: Array
-    variance: Array
     objective: float
     noise: float
     seen: int
     state: int
     sweeps: int
     steps: int
+    variance: Array
+    worst: float
+    anew: int
+
+    @property
+    def rotation(self) -> Array:
+        """(3, 3)."""
+        return self.root[:9].reshape(3, 3)
+
+    @property
+    def translation(self) -> Array:
+        return self.root[9:]
 
 
 def constants(model: HandModel) -> tuple[Array, Array, Array, Array, float, Array]:
@@ -326,21 +276,21 @@ def observations(joints: ArrayLike, weights: ArrayLike | None) -> tuple[Array, A
 _ONES = np.ones(N_JOINTS)
 
 
-def start_at(model: HandModel, start: Fit | ArrayLike | None = None) -> Array:
+def start_at(model: HandModel, start: Fit | ArrayLike | None = None) -> Records:
     """What `Results.run` keeps from frame to frame, before the first one (see `fit`)."""
-    keep = np.zeros(frames.KEEP_SIZE)
-    root = keep[frames.KEEP_ROOT : frames.MEMORY]
+    keep = np.zeros(1, workspace.KEEP)
+    root = keep["root"][0]
     root[[0, 4, 8]] = 1.0
     if isinstance(start, Fit):
         root[:9], root[9:] = start.rotation.ravel(), start.translation
-        keep[frames.MEMORY] = frames.FITTED
+        keep["memory"] = workspace.FITTED
         given: ArrayLike = start.angles
     else:
         given = model.mean_angles if start is None else start
     angles = np.asarray(given, dtype=np.float64)
     if angles.shape != (N_ANGLES,) or not np.isfinite(angles).all():
         raise InputError(f"the start has shape {angles.shape}, expected 20 finite angles [rad]")
-    keep[: frames.KEEP_ROOT] = model.limits.clamp(angles)
+    keep["angles"] = model.limits.clamp(angles)
     return keep
 
 
@@ -353,6 +303,6 @@ def load_loop() -> None:
     frames.fit_frames(constants(model), _NO_CONTACTS, (0, 0, 0, 0, 0), settings, *arrays)
 
 
-def forget(keep: Array) -> None:
+def forget(keep: Records) -> None:
     """Make of what is kept that the frame before was lost: the next one starts anew as well."""
-    keep[frames.MEMORY] = min(keep[frames.MEMORY], frames.LOST)
+    keep["memory"] = np.minimum(keep["memory"], workspace.LOST)

@@ -10,13 +10,11 @@ from __future__ import annotations
 import math
 
 from handtrack.kernels.compiled import inline
-from handtrack.kernels.frame_loop import OUT_JOINTS, OUT_NOISE, OUT_ROOT
 from handtrack.kernels.vectors import (
     add,
     apply_transposed,
     dot,
     matrix,
-    part,
     put_row,
     row,
     scale,
@@ -55,11 +53,11 @@ def parts_of(share, moving):
 @inline
 def follow_share(s, dt, targets, weights, raw):
     """Take in what a frame's raw fit leaves, in the root frame."""
-    if not math.isfinite(raw[OUT_NOISE]):
+    if not math.isfinite(raw.noise):
         for k in range(21):
             s.had[k] = 0
         return
-    turn = matrix(raw[OUT_ROOT : OUT_ROOT + 9].reshape(3, 3))
+    turn = matrix(raw.root[:9].reshape(3, 3))
     fade, gain = math.exp(-dt / PRODUCTS_S), 1.0 - math.exp(-dt / MEAN_S)
     s.pairs *= fade
     s.products *= fade
@@ -69,8 +67,7 @@ def follow_share(s, dt, targets, weights, raw):
         if not weights[k] > 0.0:
             s.had[k] = 0
             continue
-        fitted = part(raw, OUT_JOINTS + 3 * k)
-        left = apply_transposed(turn, sub(row(targets, k), fitted))
+        left = apply_transposed(turn, sub(row(targets, k), row(raw.joints, k)))
         s.usual_count[k] += 1.0
         step = max(1.0 / s.usual_count[k], gain)
         usual = add(row(s.usual, k), scale(step, sub(left, row(s.usual, k))))

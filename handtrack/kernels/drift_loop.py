@@ -31,7 +31,7 @@ from handtrack.kernels.filter_state import (
     copy_pose,
     move_pose,
 )
-from handtrack.kernels.frame_loop import OUT_NOISE, count_seen
+from handtrack.kernels.frame_loop import count_seen
 from handtrack.kernels.motion_noise import FIRST
 from handtrack.kernels.workspace import N_POSE, WORK
 
@@ -121,7 +121,7 @@ def filter_drifting_frames(
             notes[t].likelihood -= rest
             if settings[1]:
                 learn_drifting(s, motion[1], motion[0])
-            if math.isfinite(raw[t, OUT_NOISE]):
+            if math.isfinite(raw[t].noise):
                 notes[t].kind = UPDATED
         if kind != NOTHING:
             store_undrifted(s, works, solver, poses[0], out[t])

@@ -9,7 +9,7 @@ import numpy as np
 from handtrack.kernels.compiled import call, inline, kernel
 from handtrack.kernels.exchange import load_model, store_pose
 from handtrack.kernels.filter_state import BEGUN, NOTHING, PREDICTED, UPDATED, copy_pose, move_pose
-from handtrack.kernels.frame_loop import OUT_ANEW, OUT_NOISE, count_seen, store_pose_row
+from handtrack.kernels.frame_loop import count_seen, store_pose_row
 from handtrack.kernels.kalman import begin, pass_time, predict, update
 from handtrack.kernels.measurement import load_inside, measure_frame
 from handtrack.kernels.motion_noise import DENSITY, FIRST, begin_bank, learn, predict_bank
@@ -71,8 +71,8 @@ def filter_frames(
             [1/s], variance of the first velocities; and grid (3, K) of factors on the densities
             that are tried (see `learn`).
         time_ns: (T,); targets (T, 21, 3); weights (T, 21), 0 where missing.
-        raw: (T, OUT_SIZE) the raw fits, as `fit_frames` leaves them.
-        out: (T, OUT_SIZE) filtered poses, quaternions and joints; rows without a pose are left
+        raw: (T,) RESULT the raw fits, as `fit_frames` leaves them.
+        out: (T,) RESULT filtered poses, quaternions and joints; rows without a pose are left
             as they are.
         notes: (T,) NOTE.
         keep: 1 to fill `kept` (T,) KEPT, which the smoother needs.
@@ -102,9 +102,9 @@ def filter_frames(
 @inline
 def enter(s, settings, process, now, raw, note):
     """What a frame's time means (see `pass_time`); the densities as given."""
-    if raw[OUT_ANEW] > 0.0:
+    if raw.anew:
         s.known = 0
-    kind = pass_time(s, settings, process, now, raw[OUT_NOISE])
+    kind = pass_time(s, settings, process, now, raw.noise)
     note.kind, note.likelihood, note.noise = kind, 0.0, s.noise
     for i in range(N_POSE):
         s.density[i] = process[DENSITY, i]
@@ -131,7 +131,7 @@ def _before(s, works, solver, settings, motion, now, frame, note):
 def see(s, works, solver, settings, frame, note):
     """What a frame says (see `measure_frame`); whether it says anything."""
     (targets, weights, raw), coupled = frame, settings[0]
-    some = math.isfinite(raw[OUT_NOISE])
+    some = math.isfinite(raw.noise)
     if coupled:
         seen, _ = count_seen(weights)
         some = some or seen > 0
@@ -153,15 +153,15 @@ def _after(s, works, solver, settings, motion, raw, out, note):
     if note.kind == PREDICTED and s.measured:
         if settings[1]:
             learn(s, grid, process)
-        if math.isfinite(raw[OUT_NOISE]):
+        if math.isfinite(raw.noise):
             note.kind = UPDATED
     store_row(works[0], solver, s, s.best_angles, s.best_root, out)
 
 
 @kernel
 def before_frame(states, hand, solver, settings, motion, now, targets, weights, raw, notes):
-    """What comes before a prediction; whether one is to be made. Of notes (1,) NOTE."""
-    works, frame = np.zeros(1, dtype=WORK), (targets, weights, raw)
+    """What comes before a prediction; whether one is to be made. Of raw (1,), notes (1,)."""
+    works, frame = np.zeros(1, dtype=WORK), (targets, weights, raw[0])
     load_hand(works[0], hand, settings)
     kind = _before(states[0], works, solver, settings, motion, now, frame, notes[0])
     return kind == PREDICTED
@@ -170,7 +170,7 @@ def before_frame(states, hand, solver, settings, motion, now, targets, weights, 
 @kernel
 def measure(states, hand, solver, settings, targets, weights, raw, notes):
     """What comes between prediction and update (see `measure_frame`); whether there is one."""
-    works, frame = np.zeros(1, dtype=WORK), (targets, weights, raw)
+    works, frame = np.zeros(1, dtype=WORK), (targets, weights, raw[0])
     load_hand(works[0], hand, settings)
     return see(states[0], works, solver, settings, frame, notes[0])
 
@@ -180,7 +180,7 @@ def after_frame(states, hand, solver, settings, motion, raw, out, notes):
     """What comes after an update."""
     works = np.zeros(1, dtype=WORK)
     load_hand(works[0], hand, settings)
-    _after(states[0], works, solver, settings, motion, raw, out, notes[0])
+    _after(states[0], works, solver, settings, motion, raw[0], out[0], notes[0])
 
 
 @kernel

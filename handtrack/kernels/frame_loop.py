@@ -34,9 +34,12 @@ from handtrack.kernels.workspace import (
     ANGLES,
     CONVERGED,
     FINGERS,
+    FITTED,
     JOINTS,
+    LOST,
     N_ANGLES,
     N_POSE,
+    NEW,
     PAIR,
     STALLED,
     TOO_FEW,
@@ -53,23 +56,8 @@ MISBENT = 0.02
 # is, under noise, the better guess
 COLD_GAIN, WARM_GAIN = 1e-9, 0.1
 
-# a frame's row of results: angles, rotation, translation, quaternion, joints, objective, noise
-# (variance per coordinate), joints seen, state, sweeps, steps, variances of the angles, the
-# greatest distance of a joint to its fitted landmark; 1 where what was before means nothing (which
-# is for others to say), else 0
-OUT_ANGLES, OUT_ROOT, OUT_SHIFT, OUT_QUATERNION, OUT_JOINTS, OUT_OBJECTIVE = 0, 20, 29, 32, 36, 99
-OUT_NOISE, OUT_SEEN, OUT_STATE, OUT_SWEEPS, OUT_STEPS, OUT_VARIANCE = range(100, 106)
-OUT_WORST = OUT_VARIANCE + 20
-OUT_ANEW = OUT_WORST + 1
-OUT_SIZE = OUT_ANEW + 1
-
 # a solve that stalls is handed to the sweeps and begun again so often
 ATTEMPTS = 8
-
-# what is kept from frame to frame: angles, root, and whether they mean anything
-KEEP_ROOT, MEMORY = N_ANGLES, 32
-KEEP_SIZE = 33
-NEW, LOST, FITTED = 0, 1, 2
 
 # what is wrong with a frame's input
 GOOD, INFINITE_JOINT, BAD_WEIGHT = range(3)
@@ -142,13 +130,11 @@ def count_seen(weights):
 @inline
 def skip_frame(row, seen, state):
     """The results of a frame that is not fitted."""
-    for i in range(OUT_VARIANCE):
-        row[i] = math.nan
-    for i in range(N_ANGLES):
-        row[OUT_VARIANCE + i] = math.inf
-    row[OUT_WORST] = math.nan
-    row[OUT_SEEN], row[OUT_STATE] = seen, state
-    row[OUT_SWEEPS] = row[OUT_STEPS] = row[OUT_ANEW] = 0.0
+    row.angles[:] = row.root[:] = row.quaternion[:] = row.joints[:] = math.nan
+    row.objective = row.noise = row.worst = math.nan
+    row.variance[:] = math.inf
+    row.seen, row.state = seen, state
+    row.sweeps = row.steps = row.anew = 0
 
 
 @inline
@@ -179,11 +165,10 @@ def solve_from_starts(w, solvers, settings, mean, keep, best_angles, best_root):
 
     Returns its objective and state.
     """
-    angles, root = keep[:KEEP_ROOT], keep[KEEP_ROOT:MEMORY]
     best, state = math.inf, STALLED
-    first = 0 if keep[MEMORY] > NEW else 1
-    for cold in range(first, 1 if keep[MEMORY] == FITTED else 2):
-        load_pose(w, mean if cold else angles, root)
+    first = 0 if keep.memory > NEW else 1
+    for cold in range(first, 1 if keep.memory == FITTED else 2):
+        load_pose(w, mean if cold else keep.angles, keep.root)
         solve(w, solvers, settings, cold)
         if w.objective < best:
             best, state = w.objective, w.state
@@ -226,14 +211,14 @@ def greatest_distance(w):
 @inline
 def store_pose_row(w, angles, root, out):
     """A pose's part of a row of results: angles, root, quaternion, joints."""
-    store_joints(w, out[OUT_JOINTS:OUT_OBJECTIVE].reshape(21, 3))
+    store_joints(w, out.joints)
     for i in range(N_ANGLES):
-        out[OUT_ANGLES + i] = angles[i]
+        out.angles[i] = angles[i]
     for i in range(12):
-        out[OUT_ROOT + i] = root[i]
+        out.root[i] = root[i]
     q = quaternion(matrix(w.rotation))
     for i in range(4):
-        out[OUT_QUATERNION + i] = q[i]
+        out.quaternion[i] = q[i]
 
 
 @inline
@@ -241,17 +226,17 @@ def store_results(w, out, objective, top, known, seen, state):
     """A fitted frame's numbers; those at unit weights are taken back to the frame's own."""
     objective *= top
     noise = known if known > 0.0 else objective / max(3 * seen - N_POSE, 1)
-    out[OUT_OBJECTIVE], out[OUT_NOISE] = objective, noise
-    out[OUT_SEEN], out[OUT_STATE] = seen, state
-    out[OUT_SWEEPS], out[OUT_STEPS] = w.sweeps, w.steps
+    out.objective, out.noise = objective, noise
+    out.seen, out.state = seen, state
+    out.sweeps, out.steps = int(w.sweeps), int(w.steps)
     for i in range(N_ANGLES):
         v = w.variance[i]
-        out[OUT_VARIANCE + i] = v if math.isinf(v) else v / top * noise
+        out.variance[i] = v if math.isinf(v) else v / top * noise
 
 
 @inline
 def fit_in(
-    works, model, contacts, solvers, settings, mean, keep, targets, weights, out, out_covariance
+    works, model, contacts, solvers, settings, mean, kept, targets, weights, out, out_covariance
 ):
     """`fit_frames`, in a workspace (1,) that the caller keeps alive: a record does not."""
     apart, covariance, known = solvers[3], solvers[4], settings[6]
@@ -260,36 +245,35 @@ def fit_in(
         wrong = clean(targets[t], weights[t])
         if wrong != GOOD:
             return wrong
-    w = works[0]
+    w, keep = works[0], kept[0]
     full = len(out_covariance) > 0
     load_settings(w, model, contacts, settings, full)
-    angles, root = keep[:KEEP_ROOT], keep[KEEP_ROOT:MEMORY]
     best_angles, best_root = np.empty(N_ANGLES), np.empty(12)
     for t in range(len(targets)):
         if alone:
-            keep[MEMORY] = NEW
+            keep.memory = NEW
         seen, top = count_seen(weights[t])
         line = seen < 3 or on_a_line(targets[t], weights[t])
         if seen < min_joints or (line and min_joints > 1):
-            keep[MEMORY] = min(keep[MEMORY], LOST)
+            keep.memory = min(keep.memory, LOST)
             skip_frame(out[t], seen, TOO_FEW if seen < min_joints else UNDERDETERMINED)
             continue
         w.sweeps = w.steps = 0.0
-        out[t, OUT_ANEW] = 0.0
+        out[t].anew = 0
         load_frame(w, targets[t], weights[t], top)
         best, state = solve_from_starts(w, solvers, settings, mean, keep, best_angles, best_root)
         if solvers[1] != 0 and solvers[2] != 0 and state == CONVERGED:
-            warm = keep[MEMORY] == FITTED
+            warm = keep.memory == FITTED
             best = try_other_bends(w, solvers, warm, best, best_angles, best_root)
-        keep[MEMORY] = FITTED
+        keep.memory = FITTED
         load_pose(w, best_angles, best_root)
         if apart != 0:
             call(apart, w)
             best = w.objective
-        store_pose(w, angles, root)
+        store_pose(w, keep.angles, keep.root)
         call(covariance, w)
-        store_pose_row(w, angles, root, out[t])
-        out[t, OUT_WORST] = greatest_distance(w)
+        store_pose_row(w, keep.angles, keep.root, out[t])
+        out[t].worst = greatest_distance(w)
         state = UNDERDETERMINED if line else state
         store_results(w, out[t], best, top, known, seen, state)
         if full:
@@ -317,11 +301,10 @@ def fit_frames(
             at least one joint every frame is fitted that has one, else also none with its joints
             on a line.
         mean: (20,) the pose of a cold start.
-        keep: (KEEP_SIZE,) the last fitted pose, and MEMORY: NEW before anything was fitted, LOST
-            after a loss, FITTED after a fitted frame; overwritten.
+        keep: (1,) KEEP, overwritten.
         targets: (T, 21, 3), NaN = missing; weights: (T, 21). Overwritten: a joint is missing as
             a whole and has no weight then.
-        out: (T, OUT_SIZE) results, NaN where nothing is fitted and variances infinite.
+        out: (T,) RESULT, UNFITTED but for `seen` and `state` where nothing is fitted.
         out_covariance: (T, 26, 26) at unit noise, left as they are where nothing is fitted; or
             (0, 26, 26), and the variances of the angles are all that is computed.
 

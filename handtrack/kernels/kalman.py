@@ -13,12 +13,7 @@ from handtrack.kernels.filter_state import (
     move_pose,
     set_pose,
 )
-from handtrack.kernels.frame_loop import (
-    OUT_ANGLES,
-    OUT_QUATERNION,
-    OUT_ROOT,
-    count_seen,
-)
+from handtrack.kernels.frame_loop import count_seen
 from handtrack.kernels.linear_algebra import (
     apply_matrix,
     divide,
@@ -176,7 +171,7 @@ def begin(w, solver, s, targets, weights, raw, speed):
 @inline
 def start_pose(w, solver, s, targets, weights, raw):
     """The pose of a raw fit and its covariance."""
-    set_pose(s, raw[OUT_ANGLES:OUT_ROOT], raw[OUT_ROOT:OUT_QUATERNION])
+    set_pose(s, raw.angles, raw.root)
     _, top = count_seen(weights)
     load_frame(w, targets, weights, top)
     load_raw(w, raw)

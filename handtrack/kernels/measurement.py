@@ -12,7 +12,7 @@ from handtrack.kernels.compiled import call, inline
 from handtrack.kernels.exchange import load_frame, load_pose, store_pose
 from handtrack.kernels.faces import guess_faces
 from handtrack.kernels.filter_state import pose_less
-from handtrack.kernels.frame_loop import OUT_ANGLES, OUT_QUATERNION, OUT_ROOT, count_seen
+from handtrack.kernels.frame_loop import count_seen
 from handtrack.kernels.held import hold_faces, leave_faces, put_gradient
 from handtrack.kernels.limits import move_inside
 from handtrack.kernels.linear_algebra import apply_matrix, factor, invert, solve_one
@@ -78,7 +78,7 @@ def load_inside(w, pose):
 @inline
 def load_raw(w, raw):
     """Put a raw fit's pose into the workspace."""
-    load_pose(w, raw[OUT_ANGLES:OUT_ROOT], raw[OUT_ROOT:OUT_QUATERNION])
+    load_pose(w, raw.angles, raw.root)
 
 
 @inline
@@ -87,7 +87,7 @@ def begin_pose(w, solver, s, raw, precision):
     w.full = 1
     load_inside(w, s)
     cost = weigh(w, solver, s, precision)
-    if cost > _SURPRISE and math.isfinite(raw[OUT_ANGLES]):
+    if cost > _SURPRISE and math.isfinite(raw.angles[0]):
         # a hand that moved far
         load_raw(w, raw)
         other = weigh(w, solver, s, precision)

@@ -93,7 +93,7 @@ def smooth_frames(hand, solver, settings, first, last, notes, kept, out):
         hand, solver, settings: as in `filter_frames`.
         first, last: which poses are wanted.
         notes: (T,) NOTE; kept: (T,) KEPT, as in `filter_frames`.
-        out: (last - first, OUT_SIZE); frames without a pose are left as they are.
+        out: (last - first,) RESULT; frames without a pose are left as they are.
     """
     room = room_to_run()
     load_hand(room[0][0], hand, settings)
@@ -104,7 +104,7 @@ def smooth_frames(hand, solver, settings, first, last, notes, kept, out):
 def lag_frames(hand, solver, settings, lag, notes, kept, out):
     """Poses of the frames 0..T - lag - 1, each smoothed by the `lag` frames after it.
 
-    Args: as in `smooth_frames`; out (T - lag, OUT_SIZE).
+    Args: as in `smooth_frames`; out (T - lag,) RESULT.
     """
     room = room_to_run()
     load_hand(room[0][0], hand, settings)

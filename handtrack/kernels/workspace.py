@@ -1,4 +1,6 @@
-"""The record that one frame is fitted in: every field by its name, every axis by its own.
+"""The records of a frame: what it is fitted in, what is told of it, what the next one is given.
+
+Every field has its name, every axis of the workspace its own.
 
 Five fingers lie side by side: the last axis of most fields are eight *lanes*, of which 0-4 are
 the fingers, thumb first, so that a loop over the lanes is a loop over fingers that the compiler
@@ -13,6 +15,7 @@ equation numbers are those of the theory page (tools/docs/theory.md).
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 LANES, FINGERS, WRIST = 8, 5, 5
 
@@ -134,3 +137,53 @@ _FIELDS: list[tuple[str, str, tuple[int, ...]]] = [
 ]
 
 WORK = np.dtype(_FIELDS, align=True)
+
+RESULT = np.dtype(
+    [
+        # the pose: angles [rad]; rotation by rows and translation [m], in one; the rotation's
+        # quaternion; joints [m]
+        ("angles", "f8", (N_ANGLES,)),
+        ("root", "f8", (12,)),
+        ("quaternion", "f8", (4,)),
+        ("joints", "f8", (21, 3)),
+        # the objective [m^2], and the variance of the joints per coordinate [m^2]
+        ("objective", "f8"),
+        ("noise", "f8"),
+        # joints with a weight; how the solve ended; how long it took
+        ("seen", "i8"),
+        ("state", "i8"),
+        ("sweeps", "i8"),
+        ("steps", "i8"),
+        # variances of the angles [rad^2]; greatest distance of a joint to its fitted landmark [m]
+        ("variance", "f8", (N_ANGLES,)),
+        ("worst", "f8"),
+        # 1 where what was before means nothing, which is for others to say
+        ("anew", "i8"),
+    ],
+    align=True,
+)
+"""What is told of a frame."""
+
+
+Records = NDArray[np.void]
+"""Of one of the types here, or of a filter's (see `filter_state`)."""
+
+
+def _unfitted() -> Records:
+    row = np.zeros((), RESULT)
+    for name in ("angles", "root", "quaternion", "joints", "objective", "noise", "worst"):
+        row[name] = np.nan
+    row["variance"] = np.inf
+    row.setflags(write=False)
+    return row
+
+
+UNFITTED = _unfitted()
+"""() RESULT where nothing is fitted."""
+
+KEEP = np.dtype(
+    [("angles", "f8", (N_ANGLES,)), ("root", "f8", (12,)), ("memory", "i8")], align=True
+)
+"""What is kept from frame to frame: the last fitted pose, and whether it means anything."""
+# nothing was fitted before; the frame before was lost; it was fitted
+NEW, LOST, FITTED = range(3)

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.kernels import colour
-from handtrack.kernels import frame_loop as rows
 from handtrack.tracking.filter_input import Frames
 
 Array = NDArray[np.float64]
@@ -25,17 +24,17 @@ def lasting_share(frames: Frames, lasts_s: float) -> tuple[float, float]:
     As `kernels.colour` follows it in a stream.
     """
     times_ns, joints, weights, raw = frames
-    seen = (weights > 0) & np.isfinite(raw[:, rows.OUT_NOISE])[:, None]
-    turn = raw[:, rows.OUT_ROOT : rows.OUT_SHIFT].reshape(-1, 3, 3)
-    fitted = raw[:, rows.OUT_JOINTS : rows.OUT_OBJECTIVE].reshape(-1, 21, 3)
-    left = np.where(seen[..., None], np.where(seen[..., None], joints, 0.0) - fitted, 0.0)
+    seen = (weights > 0) & np.isfinite(raw["noise"])[:, None]
+    turn = raw["root"][:, :9].reshape(-1, 3, 3)
+    there = np.where(seen[..., None], joints, 0.0)
+    left = np.where(seen[..., None], there - raw["joints"], 0.0)
     left = np.where(seen[..., None], left @ turn, 0.0)
     whole = float(np.square(left).sum())
     left -= left.sum(0) / np.maximum(seen.sum(0), 1)[:, None]
     pairs = (seen[1:] & seen[:-1])[..., None]
     before, after = np.where(pairs, left[:-1], 0.0), np.where(pairs, left[1:], 0.0)
     squares = 0.5 * float(np.square(before).sum() + np.square(after).sum())
-    noise = np.nanmedian(raw[:, rows.OUT_NOISE]) if seen.any() else 0.0
+    noise = np.nanmedian(raw["noise"]) if seen.any() else 0.0
     if pairs.sum() <= colour.LEAST_PAIRS or squares == 0.0 or not noise > colour.FINE:
         return 0.0, 1.0
     correlation = float((before * after).sum()) / squares

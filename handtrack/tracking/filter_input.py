@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.kernels.workspace import Records
+
 Array = NDArray[np.float64]
 
 
@@ -16,13 +18,13 @@ class Frames(NamedTuple):
     Attributes:
         times_ns: (T,) increasing [ns].
         joints: (T, 21, 3) [m]; weights: (T, 21), 0 where a joint is missing.
-        raw: (T, OUT_SIZE) rows of `solver.Results`, NaN where nothing is fitted.
+        raw: (T,) RESULT of `kernels.workspace`, as `solver.Results` has them.
     """
 
     times_ns: NDArray[np.int64]
     joints: Array
     weights: Array
-    raw: Array
+    raw: Records
 
     def part(self, of: slice) -> Frames:
         """Some of the frames."""

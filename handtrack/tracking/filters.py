@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from handtrack.hand.model import HandModel
-from handtrack.kernels.frame_loop import OUT_SIZE
+from handtrack.kernels.workspace import UNFITTED
 from handtrack.tracking.filter_input import Frames
 from handtrack.tracking.kalman import (
     DriftingFilter,
@@ -66,6 +66,6 @@ def warm_up(settings: TrackerSettings) -> None:
     """Load a filter's compiled code, or compile it (on the machine's first run)."""
     model = HandModel.default()
     if (made := make_filter(settings, model)) is not None:
-        nothing = np.full((2, 21, 3), np.nan), np.zeros((2, 21)), np.full((2, OUT_SIZE), np.nan)
+        nothing = np.full((2, 21, 3), np.nan), np.zeros((2, 21)), np.full(2, UNFITTED)
         made.advance(Frames(np.arange(2), *nothing))
         made.finish()

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from handtrack.fitting import solver
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import JOINT_NAMES
-from handtrack.kernels import frame_loop as frames
 from handtrack.kernels import workspace
+from handtrack.kernels.workspace import Records
 from handtrack.tracking.outliers import (
     NONE,
     Mask,
@@ -59,15 +59,6 @@ _FIRST_NOISE_M, _GAIN = 0.010, 0.03
 _BETTER = 0.5
 # frames that are fitted at once: few where doubts are frequent, as those after one are in vain
 _SHORTEST, _LONGEST = 4, 256
-
-
-# what is looked at of every frame
-_COLUMNS = np.r_[
-    frames.OUT_OBJECTIVE,
-    frames.OUT_SEEN,
-    frames.OUT_WORST,
-    frames.OUT_ROOT : frames.OUT_QUATERNION,
-]
 
 
 class Verdict(NamedTuple):
@@ -119,7 +110,7 @@ class Gate:
         times_ns: list[int] | tuple[int, ...],
         observed: Array,
         w: Array,
-        keep: Array,
+        keep: Records,
     ) -> list[Verdict]:
         """Fit frames, each from the one before; as `Results.run`, with doubts.
 
@@ -164,8 +155,8 @@ class Gate:
         w: Array,
     ) -> int | None:
         """The first frame to be looked at; those before it are taken as believed."""
-        rows = results.rows[:, _COLUMNS].tolist()
-        for t, (objective, seen, worst, *root) in enumerate(rows):
+        looked_at = (results.rows[name].tolist() for name in ("objective", "seen", "worst", "root"))
+        for t, (objective, seen, worst, root) in enumerate(zip(*looked_at, strict=True)):
             if math.isnan(objective):
                 if seen > 0 and self._strays(observed[t], w[t], times_ns[t]).any():
                     return t
@@ -218,7 +209,13 @@ class Gate:
         return np.asarray((w > 0.0) & (distance > reach))
 
     def _resolve(
-        self, results: solver.Results, t: int, time_ns: int, observed: Array, w: Array, keep: Array
+        self,
+        results: solver.Results,
+        t: int,
+        time_ns: int,
+        observed: Array,
+        w: Array,
+        keep: Records,
     ) -> Verdict:
         """Fit a doubtful frame as it should be, or reject it; keep is what was before it."""
         if math.isnan(results.objective[t]):
@@ -230,7 +227,7 @@ class Gate:
             return Verdict(strays, f"{names} rejected, too far from the last pose")
         first, cold = keep, keep.copy()
         solver.forget(cold)
-        was_fitted = keep[frames.MEMORY] == frames.FITTED
+        was_fitted = keep["memory"][0] == workspace.FITTED
         # perhaps the pose before is in the wrong basin: from the mean pose as well, with all
         # joints, as leaving some out could explain that away
         anew = was_fitted and self._better(observed, w, cold, float(results.objective[t]))
@@ -263,12 +260,12 @@ class Gate:
                 self._noise, self._frames = best.noise, 1
             reason = _joined(f"found anew: {why}", reason)
         results.rows[t] = best.results.rows[0]
-        results.rows[t, frames.OUT_ANEW] = float(anew)
+        results.rows["anew"][t] = anew
         w[:], keep[:] = best.w, best.keep
         self._believe(results, t, best.noise, best.place, time_ns)
         return Verdict(best.rejected, reason, anew)
 
-    def _better(self, observed: Array, w: Array, cold: Array, objective: float) -> bool:
+    def _better(self, observed: Array, w: Array, cold: Records, objective: float) -> bool:
         """Whether a cold start of a frame is in a better basin than a fit with this objective."""
         return self._weeder.fit(observed, w, cold).objective < _BETTER * objective
 
@@ -287,22 +284,17 @@ def _joined(*texts: str) -> str:
 
 def _reject(results: solver.Results, t: int) -> None:
     """Make frame t one that was not fitted."""
-    row = results.rows[t]
-    seen = row[frames.OUT_SEEN]
-    row[:] = np.nan
-    row[frames.OUT_VARIANCE : frames.OUT_WORST] = np.inf
-    row[frames.OUT_SEEN], row[frames.OUT_STATE] = seen, REJECTED
-    row[frames.OUT_SWEEPS] = row[frames.OUT_STEPS] = row[frames.OUT_ANEW] = 0.0
+    seen = results.rows["seen"][t]
+    results.rows[t] = workspace.UNFITTED
+    results.rows["seen"][t], results.rows["state"][t] = seen, REJECTED
 
 
-def _forget_after(results: solver.Results, last: int, before: Array, keep: Array) -> None:
+def _forget_after(results: solver.Results, last: int, before: Records, keep: Records) -> None:
     """Make keep what it was after frame `last` of the results (-1: before them)."""
     keep[:] = before
     fitted = np.flatnonzero(~np.isnan(results.objective[: last + 1]))
     if fitted.size:
         row = results.rows[fitted[-1]]
-        keep[: frames.KEEP_ROOT] = row[frames.OUT_ANGLES : frames.OUT_ROOT]
-        keep[frames.KEEP_ROOT : frames.MEMORY] = row[frames.OUT_ROOT : frames.OUT_QUATERNION]
-        keep[frames.MEMORY] = frames.FITTED
+        keep[0] = row["angles"], row["root"], workspace.FITTED
     if last >= 0 and (not fitted.size or fitted[-1] < last):
         solver.forget(keep)

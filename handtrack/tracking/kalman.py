@@ -13,9 +13,9 @@ from handtrack.hand.model import HandModel
 from handtrack.kernels import drift_loop, drift_smoother, filter_loop, smoother
 from handtrack.kernels import evidence as motion
 from handtrack.kernels.filter_state import DRIFTING, FILTER, KEPT, KEPT_DRIFTING, NOTE, NOTHING
-from handtrack.kernels.frame_loop import OUT_NOISE, OUT_SIZE
 from handtrack.kernels.information import information
 from handtrack.kernels.kalman import LEAST_NOISE
+from handtrack.kernels.workspace import RESULT, UNFITTED, Records
 from handtrack.tracking import process_noise
 from handtrack.tracking.colour import LASTS_S, lasting_share
 from handtrack.tracking.filter_input import Frames
@@ -23,11 +23,8 @@ from handtrack.tracking.process_noise import N_POSE
 from handtrack.tracking.settings import TrackerSettings
 
 Array = NDArray[np.float64]
-Records = NDArray[np.void]
-"""(T,) of KEPT or of NOTE (see `kernels.filter_state`)."""
-Steadied = tuple[Array, NDArray[np.bool_]]
-"""Rows (n, OUT_SIZE) of poses, quaternions and joints, NaN where nothing is known; and (n,) which
-are known."""
+Steadied = tuple[Records, NDArray[np.bool_]]
+"""Poses, quaternions and joints of n frames, UNFITTED where nothing is known; and which are."""
 
 # what a new frame makes up of the running noise of the joints, at least
 _NOISE_GAIN = 0.02
@@ -89,8 +86,8 @@ class KalmanFilter:
             frames: with their raw fits.
 
         Returns:
-            rows like them of the frames whose pose is final, in order, NaN where nothing is
-            known; and which of them are known.
+            rows like them of the frames whose pose is final, in order, UNFITTED where nothing
+            is known; and which of them are known.
         """
         out, notes = self._run(frames, None)
         return out, notes["kind"] != NOTHING
@@ -105,10 +102,10 @@ class KalmanFilter:
         """What every compiled function takes of the filter: hand, solver, settings."""
         return self._hand, information.address, self._settings
 
-    def _run(self, frames: Frames, kept: Records | None) -> tuple[Array, Records]:
-        """Rows (T, OUT_SIZE) and notes (T,), as `filter_frames` has them."""
+    def _run(self, frames: Frames, kept: Records | None) -> tuple[Records, Records]:
+        """Rows (T,) and notes (T,), as `filter_frames` has them."""
         n = len(frames.raw)
-        out, notes = np.full((n, OUT_SIZE), np.nan), np.zeros(n, NOTE)
+        out, notes = np.full(n, UNFITTED), np.zeros(n, NOTE)
         self._filter(
             self._state,
             *self.with_model,
@@ -154,7 +151,7 @@ class DriftingFilter(KalmanFilter):
 
 
 def _no_frames() -> Steadied:
-    return np.empty((0, OUT_SIZE)), np.empty(0, dtype=np.bool_)
+    return np.empty(0, RESULT), np.empty(0, dtype=np.bool_)
 
 
 class FixedLagFilter:
@@ -179,7 +176,7 @@ class FixedLagFilter:
         notes = self._kalman._run(frames, kept[len(self._kept) :])[1]
         notes = np.concatenate([self._notes, notes])
         ready = max(len(notes) - self.lag, 0)
-        out = np.full((ready, OUT_SIZE), np.nan)
+        out = np.full(ready, UNFITTED)
         self._kalman.smooth_lagged(*self._kalman.with_model, self.lag, notes, kept, out)
         self._kept, self._notes = kept[ready:], notes[ready:]
         return out, notes["kind"][:ready] != NOTHING
@@ -187,7 +184,7 @@ class FixedLagFilter:
     def finish(self) -> Steadied:
         """As `KalmanFilter.finish`."""
         notes, kept = self._notes, self._kept
-        out = np.full((len(notes), OUT_SIZE), np.nan)
+        out = np.full(len(notes), UNFITTED)
         self._kalman.smooth(*self._kalman.with_model, 0, len(notes), notes, kept, out)
         self.reset()
         return out, notes["kind"] != NOTHING
@@ -235,7 +232,7 @@ class Smoother:
             return _no_frames()
         inputs = Frames(*(np.concatenate(x) for x in zip(*self._parts, strict=True)))
         coupled, _, noise, gain, coast_ns, forget_s, *rest = self._settings
-        shown = inputs.raw[:, OUT_NOISE]
+        shown = inputs.raw["noise"]
         if not noise and np.isfinite(shown).any():
             noise = max(float(np.nanmedian(shown)), LEAST_NOISE)
         share = 0.0
@@ -259,7 +256,7 @@ class Smoother:
             self.reset()
             self._kalman = self._white
         known &= _within_reach(inputs, coast_ns)
-        out[~known] = np.nan
+        out[~known] = UNFITTED
         return out, known
 
     def _learnt(self, inputs: Frames) -> Array:
@@ -285,7 +282,7 @@ class Smoother:
         n = len(inputs.raw)
         kalman = self._kalman
         kalman.reset()
-        out, known = np.full((n, OUT_SIZE), np.nan), np.zeros(n, dtype=np.bool_)
+        out, known = np.full(n, UNFITTED), np.zeros(n, dtype=np.bool_)
         kept = np.zeros(min(n, _WINDOW + _BEYOND), kalman.kept)
         for begin in range(0, n, _WINDOW):
             last, end = min(begin + _WINDOW, n), min(begin + _WINDOW + _BEYOND, n)
@@ -308,7 +305,7 @@ def _within_reach(frames: Frames, coast_ns: int) -> NDArray[np.bool_]:
     """(T,) which frames a smoother may speak of: in a gap between fits that it bridges, or no
     longer after the last fit than a filter coasts."""
     times_ns = frames.times_ns
-    fitted = np.flatnonzero(np.isfinite(frames.raw[:, OUT_NOISE]))
+    fitted = np.flatnonzero(np.isfinite(frames.raw["noise"]))
     if not fitted.size:
         return np.zeros(len(times_ns), dtype=np.bool_)
     after = np.searchsorted(fitted, np.arange(len(times_ns)), "right")

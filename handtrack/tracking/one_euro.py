@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import matrix_to_quaternion, matrix_to_vector, vector_to_matrix
 from handtrack.hand.skeleton import N_ANGLES
-from handtrack.kernels import frame_loop as rows
+from handtrack.kernels.workspace import RESULT, UNFITTED
 from handtrack.tracking.filter_input import Frames
 from handtrack.tracking.kalman import Steadied
 from handtrack.tracking.process_noise import N_POSE
@@ -21,12 +21,6 @@ BETA = np.array([3.0] * N_ANGLES + [10.0] * 3 + [100.0] * 3)
 """(26,) gains by speed [Hz s/rad], [Hz s/m]."""
 SPEED_CUTOFF = 1.0
 """Cut-off frequency of the speed [Hz]."""
-
-_ANGLES = slice(rows.OUT_ANGLES, rows.OUT_ROOT)
-_TURN = slice(rows.OUT_ROOT, rows.OUT_SHIFT)
-_SHIFT = slice(rows.OUT_SHIFT, rows.OUT_QUATERNION)
-_QUATERNION = slice(rows.OUT_QUATERNION, rows.OUT_JOINTS)
-_JOINTS = slice(rows.OUT_JOINTS, rows.OUT_OBJECTIVE)
 
 
 class OneEuroFilter:
@@ -48,20 +42,22 @@ class OneEuroFilter:
         """Forget everything."""
         self._known = False
         self._fitted_ns = 0
-        self._raw, self._row = np.empty(rows.OUT_SIZE), np.empty(rows.OUT_SIZE)
+        self._raw: np.void
+        self._row: np.void
+        self._raw = self._row = np.zeros(1, RESULT)[0]
         self._speed = np.zeros(N_POSE)
 
     def advance(self, frames: Frames) -> Steadied:
         """As `KalmanFilter.advance`."""
         times_ns, raw = frames.times_ns, frames.raw
-        out, known = np.full_like(raw, np.nan), np.zeros(len(raw), dtype=np.bool_)
+        out, known = np.full(len(raw), UNFITTED), np.zeros(len(raw), dtype=np.bool_)
         for t, row in enumerate(raw):
             since = int(times_ns[t]) - self._fitted_ns
             if self._known and since > self._coast_ns:
                 self._known = False
-            if row[rows.OUT_ANEW] > 0.0:
+            if row["anew"]:
                 self._known = False
-            if not np.isnan(row[rows.OUT_NOISE]):
+            if not np.isnan(row["noise"]):
                 self._take(row, since * 1e-9)
                 self._fitted_ns = int(times_ns[t])
             if self._known:
@@ -71,9 +67,9 @@ class OneEuroFilter:
     def finish(self) -> Steadied:
         """As `KalmanFilter.finish`."""
         self.reset()
-        return np.empty((0, rows.OUT_SIZE)), np.empty(0, dtype=np.bool_)
+        return np.empty(0, RESULT), np.empty(0, dtype=np.bool_)
 
-    def _take(self, row: Array, dt: float) -> None:
+    def _take(self, row: np.void, dt: float) -> None:
         if not self._known:
             self._raw, self._row = row.copy(), row.copy()
             self._speed = np.zeros(N_POSE)
@@ -84,20 +80,25 @@ class OneEuroFilter:
         share = _share(CUTOFF + BETA * np.abs(self._speed), dt)
         step = share * _step(self._row, row)
         new = self._row.copy()
-        new[_ANGLES] = self._model.limits.clamp(new[_ANGLES] + step[:N_ANGLES])
-        turn = vector_to_matrix(step[N_ANGLES : N_ANGLES + 3]) @ new[_TURN].reshape(3, 3)
-        new[_TURN] = turn.ravel()
-        new[_SHIFT] += step[N_ANGLES + 3 :]
-        new[_QUATERNION] = matrix_to_quaternion(turn)
-        new[_JOINTS] = self._model.joints(new[_ANGLES], turn, new[_SHIFT]).ravel()
+        angles, turn, shift = _pose(new)
+        new["angles"] = self._model.limits.clamp(angles + step[:N_ANGLES])
+        turn[:] = vector_to_matrix(step[N_ANGLES : N_ANGLES + 3]) @ turn
+        shift += step[N_ANGLES + 3 :]
+        new["quaternion"] = matrix_to_quaternion(turn)
+        new["joints"] = self._model.joints(angles, turn, shift)
         self._raw, self._row = row.copy(), new
 
 
-def _step(before: Array, after: Array) -> Array:
+def _pose(row: np.void) -> tuple[Array, Array, Array]:
+    """Angles, rotation and translation of a row, as views."""
+    root = row["root"]
+    return row["angles"], root[:9].reshape(3, 3), root[9:]
+
+
+def _step(before: np.void, after: np.void) -> Array:
     """(26,) from one row's pose to another's: angles, turn of the world on the left, shift."""
-    a, b = before[_TURN].reshape(3, 3), after[_TURN].reshape(3, 3)
-    turn = matrix_to_vector(b @ a.T)
-    return np.concatenate([after[_ANGLES] - before[_ANGLES], turn, after[_SHIFT] - before[_SHIFT]])
+    (angles, turn, shift), (angles_2, turn_2, shift_2) = _pose(before), _pose(after)
+    return np.concatenate([angles_2 - angles, matrix_to_vector(turn_2 @ turn.T), shift_2 - shift])
 
 
 def _share(cutoff: Array | float, dt: float) -> Array:

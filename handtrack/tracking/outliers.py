@@ -12,7 +12,7 @@ from handtrack.fitting import solver
 from handtrack.fitting.result import N_POSE
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS
-from handtrack.kernels import frame_loop as frames
+from handtrack.kernels.workspace import Records
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -35,7 +35,7 @@ class Fitted(NamedTuple):
     Attributes:
         results: of the one frame.
         w: (21,) weights used.
-        keep: what is kept after it (see `frame_loop.fit_frames`).
+        keep: (1,) what is kept after it (see `frame_loop.fit_frames`).
         rejected: (21,) joints that were seen and not used.
         reason: which, and why.
     """
@@ -43,7 +43,7 @@ class Fitted(NamedTuple):
     results: solver.Results
     model: HandModel
     w: Array
-    keep: Array
+    keep: Records
     rejected: Mask = NONE
     reason: str = ""
 
@@ -53,7 +53,7 @@ class Fitted(NamedTuple):
 
     @property
     def noise(self) -> float:
-        return noise_of(self.objective, float(self.results.rows[0, frames.OUT_SEEN]))
+        return noise_of(self.objective, float(self.results.rows["seen"][0]))
 
     @property
     def worst(self) -> float:
@@ -75,7 +75,7 @@ class Weeder:
         """As `Results.run` has them."""
         self._program, self._model, self._min_joints = program, model, min_joints
 
-    def fit(self, observed: Array, w: Array, keep: Array) -> Fitted:
+    def fit(self, observed: Array, w: Array, keep: Records) -> Fitted:
         """The plain fit of a frame (21, 3), (21,), after what is kept."""
         results, kept = solver.Results(1, full=False), keep.copy()
         targets, weights = observed[None].copy(), w[None].copy()
@@ -83,7 +83,9 @@ class Weeder:
         results.run(self._program, self._model, targets, weights, kept, start, least)
         return Fitted(results, self._model, weights[0], kept)
 
-    def weeded(self, observed: Array, w: Array, keep: Array, look: float, outlier: float) -> Fitted:
+    def weeded(
+        self, observed: Array, w: Array, keep: Records, look: float, outlier: float
+    ) -> Fitted:
         """The fit without the joints that are outliers.
 
         Joints are taken away from the worst on, and come back where the fit without them, or

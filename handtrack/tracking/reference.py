@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from handtrack.kernels import filter_loop as kernels
 from handtrack.kernels.filter_state import NOTE
-from handtrack.kernels.frame_loop import OUT_SIZE
+from handtrack.kernels.workspace import UNFITTED, Records
 from handtrack.tracking.filter_input import Frames
-from handtrack.tracking.kalman import KalmanFilter, Records
+from handtrack.tracking.kalman import KalmanFilter
 from handtrack.tracking.process_noise import N_POSE
 
 Array = NDArray[np.float64]
@@ -33,16 +33,17 @@ class FilterPyFilter(KalmanFilter):
         self._filter: Any = FilterPy(dim_x=2 * N_POSE, dim_z=N_POSE)
         self._filter.H = _MEASURED
 
-    def _run(self, frames: Frames, kept: Records | None) -> tuple[Array, Records]:
+    def _run(self, frames: Frames, kept: Records | None) -> tuple[Records, Records]:
         n = len(frames.raw)
-        out, notes = np.full((n, OUT_SIZE), np.nan), np.zeros(n, NOTE)
+        out, notes = np.full(n, UNFITTED), np.zeros(n, NOTE)
         for t in range(n):
-            shown = (frames.joints[t], frames.weights[t], frames.raw[t], notes[t : t + 1])
-            self._frame(int(frames.times_ns[t]), shown, out[t], None if kept is None else kept[t])
+            one = slice(t, t + 1)
+            shown = (frames.joints[t], frames.weights[t], frames.raw[one], notes[one])
+            self._frame(int(frames.times_ns[t]), shown, out[one], None if kept is None else kept[t])
         return out, notes
 
     def _frame(
-        self, now: int, shown: tuple[Array, Array, Array, Records], out: Array, kept: Any
+        self, now: int, shown: tuple[Array, Array, Records, Records], out: Records, kept: Any
     ) -> None:
         s: Any = self._state[0]
         with_model, motion = (self._state, *self.with_model), (self._process, self._grid)

@@ -178,7 +178,7 @@ class Tracker:
         self._waiting.extend(frames)
         return self._given(*steadied)
 
-    def _given(self, rows: Array, known: NDArray[np.bool_]) -> list[TrackedFrame]:
+    def _given(self, rows: workspace.Records, known: NDArray[np.bool_]) -> list[TrackedFrame]:
         """The next frames that wait, with what the filter makes of them."""
         rows.setflags(write=False)
         return [
@@ -194,7 +194,7 @@ class Tracker:
         results: solver.Results,
         t: int,
         verdict: Verdict,
-        filtered: Array | None,
+        filtered: np.void | None,
         known: bool,
     ) -> TrackedFrame:
         row = results.row(t)
@@ -214,20 +214,19 @@ class Tracker:
                 restart, found = True, f"found again after {1e-9 * gone_ns:.2f} s"
                 reason = "; ".join(filter(None, (found, reason)))
             self._fitted_ns = time_ns
-        steady = results.rows[t] if filtered is None else filtered
-        angles, quaternion, translation, joints = solver.pose_of(steady)
+        steady = row if filtered is None else solver.Row(*filtered.item())
         return TrackedFrame(
             time_ns=time_ns,
             observed=observed,
             confidence=w,
             angles_raw=row.angles,
-            angles=angles,
+            angles=steady.angles,
             quaternion_raw=row.quaternion,
-            quaternion=quaternion,
+            quaternion=steady.quaternion,
             translation_raw=row.translation,
-            translation=translation,
+            translation=steady.translation,
             fitted_joints=row.joints,
-            filtered_joints=joints,
+            filtered_joints=steady.joints,
             angle_variance=row.variance,
             objective=row.objective,
             iterations=row.sweeps + row.steps,

@@ -69,3 +69,14 @@ def hard_frames(frames: int = 120, noise: float = 2e-3, seed: int = 1) -> Frames
     joints[60:63, [i for i in range(21) if i % 5]] = np.nan  # too few for a fit
     joints[80:85, 17:] = np.nan  # a finger that is not seen
     return frames_of(times_ns, joints, rng.uniform(0.3, 1.0, joints.shape[:2]))
+
+
+def turns_of(rows: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) rotations of rows."""
+    return rows["root"][..., :9].reshape(*rows.shape, 3, 3)
+
+
+def poses(rows: np.ndarray) -> np.ndarray:
+    """(..., 99) all numbers of rows' poses: angles, root, quaternion, joints."""
+    joints = rows["joints"].reshape(*rows.shape, 63)
+    return np.concatenate([rows["angles"], rows["root"], rows["quaternion"], joints], axis=-1)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from filter_cases import MODEL, frames_of, moving, steady
+from filter_cases import MODEL, frames_of, moving, poses, steady, turns_of
 
 import handtrack as ht
 from handtrack.hand.rotations import matrix_to_vector
 from handtrack.kernels import colour
-from handtrack.kernels import frame_loop as rows
 from handtrack.kernels.drift import LEAST_UNIT
+from handtrack.kernels.workspace import UNFITTED
 from handtrack.tracking import process_noise
 from handtrack.tracking.colour import lasting_share
 from handtrack.tracking.filter_input import Frames
@@ -49,11 +49,9 @@ def still(frames: int, rng: np.random.Generator) -> Frames:
 
 def numbers(row: np.ndarray, first: np.ndarray) -> np.ndarray:
     """(26,) a row's pose less another's."""
-    turn = row[rows.OUT_ROOT : rows.OUT_SHIFT].reshape(3, 3)
-    other = first[rows.OUT_ROOT : rows.OUT_SHIFT].reshape(3, 3)
-    shift = slice(rows.OUT_SHIFT, rows.OUT_QUATERNION)
-    vector = matrix_to_vector(turn @ other.T)
-    return np.concatenate([row[:20] - first[:20], vector, row[shift] - first[shift]])
+    vector = matrix_to_vector(turns_of(row) @ turns_of(first).T)
+    angles, root = row["angles"] - first["angles"], row["root"] - first["root"]
+    return np.concatenate([angles, vector, root[9:]])
 
 
 def dense(frames: Frames, filter_: DriftingFilter) -> np.ndarray:
@@ -101,7 +99,7 @@ def dense(frames: Frames, filter_: DriftingFilter) -> np.ndarray:
         new = np.sqrt(1 - keep**2)
         spread = new[:, None] * s["spread"] * new
         add({before + 2 * N: -np.diag(keep), at + 2 * N: one}, np.zeros(N), np.linalg.inv(spread))
-        if np.isfinite(frames.raw[t, 0]):
+        if np.isfinite(frames.raw[t]["objective"]):
             seen = numbers(frames.raw[t], first)
             add({at: one, at + 2 * N: one}, seen, s["system"] - s["precision"])
     return np.linalg.solve(weight, pull).reshape(n, 3, N)[:, 0]
@@ -117,7 +115,7 @@ def test_filter_and_smoother_are_least_squares(frames):
     made.reset()
     kept = np.zeros(frames, made.kept)
     causal, notes = made._run(given, kept)
-    out = np.full((frames, rows.OUT_SIZE), np.nan)
+    out = np.full(frames, UNFITTED)
     made.smooth(*made.with_model, 0, frames, notes, kept, out)
     found = np.array([numbers(row, given.raw[0]) for row in out])
     scale = np.abs(expected).max()
@@ -134,9 +132,8 @@ def test_no_share_is_the_white_filter(couple):
     frames = frames_of(times_ns, joints + rng.normal(0, 2e-3, joints.shape))
     made = drifting(0.0, couple=couple)
     white = KalmanFilter(MODEL, steady("kalman", couple=couple))
-    pose = slice(0, rows.OUT_OBJECTIVE)
     ours, theirs = made._run(frames, None)[0], white._run(frames, None)[0]
-    np.testing.assert_allclose(ours[:, pose], theirs[:, pose], atol=1e-9)
+    np.testing.assert_allclose(poses(ours), poses(theirs), atol=1e-9)
 
 
 def noisy(time_s: float | None, frames: int = 150, size: float = 4e-3) -> tuple[Frames, np.ndarray]:
@@ -183,8 +180,8 @@ def test_a_hand_that_does_not_fit_is_no_noise():
     off = frames_of(frames.times_ns, frames.joints + turned[..., 0].swapaxes(0, 1))
     share, part = lasting_share(off, 0.1)
     white, lasts = colour.parts_of.py_func(share, part)
-    level = np.nanmedian(off.raw[:, rows.OUT_NOISE])
-    own = np.nanmedian(frames.raw[:, rows.OUT_NOISE])
+    level = np.nanmedian(off.raw["noise"])
+    own = np.nanmedian(frames.raw["noise"])
     assert level > 4 * own
     assert share > 0.8
     assert (white + lasts) * level < 3.5 * own
@@ -246,6 +243,5 @@ def test_the_noise_of_unseen_joints_is_vague_not_infinite():
     joints[:10, 17:] = np.nan
     made = drifting(1.0)
     out, _ = made._run(frames_of(times_ns, joints), None)
-    assert np.isfinite(out[:, : rows.OUT_OBJECTIVE]).all()
-    x = out[-1, rows.OUT_JOINTS : rows.OUT_OBJECTIVE].reshape(21, 3)
-    assert np.linalg.norm(x - joints[-1], axis=-1).max() < 8e-3
+    assert np.isfinite(poses(out)).all()
+    assert np.linalg.norm(out["joints"][-1] - joints[-1], axis=-1).max() < 8e-3

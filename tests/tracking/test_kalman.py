@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from filter_cases import MODEL, frames_of, hard_frames, moving, steady
+from filter_cases import MODEL, frames_of, hard_frames, moving, poses, steady
 from scipy.linalg import expm
 
 from handtrack.hand.rotations import matrix_to_vector, vector_to_matrix
 from handtrack.kernels import evidence as motion
 from handtrack.kernels import filter_loop as kernels
-from handtrack.kernels import frame_loop as rows
 from handtrack.kernels import motion_noise
 from handtrack.kernels.filter_state import BEGUN, KEPT, NOTE, PREDICTED, UPDATED
 from handtrack.tracking import process_noise
@@ -37,8 +36,7 @@ def test_compiled_equals_filterpy(couple, process_noise):
     (a, notes_a), (b, notes_b) = ours._run(frames, kept[0]), theirs._run(frames, kept[1])
     assert set(notes_a["kind"]) == {BEGUN, UPDATED, PREDICTED}
     np.testing.assert_array_equal(notes_a["kind"], notes_b["kind"])
-    pose = slice(0, rows.OUT_OBJECTIVE)
-    np.testing.assert_allclose(a[:, pose], b[:, pose], atol=1e-9, rtol=0)
+    np.testing.assert_allclose(poses(a), poses(b), atol=1e-9, rtol=0)
     x, y = ours._state[0], theirs._state[0]
     for name in ("angles", "rotation", "translation", "velocity"):
         np.testing.assert_allclose(x[name], y[name], atol=1e-9, rtol=0)
@@ -60,7 +58,7 @@ def test_engines_agree_whatever_the_filter(name):
         first, known = made.advance(frames)
         last, known_too = made.finish()
         assert np.concatenate([known, known_too]).all()
-        out.append(np.concatenate([first, last])[:, : rows.OUT_OBJECTIVE])
+        out.append(poses(np.concatenate([first, last])))
     np.testing.assert_allclose(*out, atol=1e-8, rtol=0)
 
 
@@ -104,7 +102,7 @@ def test_the_smoother_is_rauch_tung_and_striebels():
     smoother = make_filter(steady("rts", **settings), MODEL)
     smoother.advance(frames)
     out, _ = smoother.finish()
-    np.testing.assert_allclose(out[:, :32], np.array(expected)[:, :32], atol=1e-10, rtol=0)
+    np.testing.assert_allclose(poses(out)[:, :32], np.array(expected)[:, :32], atol=1e-10, rtol=0)
 
 
 def pose_in(record: np.void) -> np.ndarray:
@@ -171,7 +169,7 @@ def test_coupled_poses_minimise_prior_and_joints_under_the_limits():
     filter_._run(frames.part(slice(0, 29)), None)
     x = filter_._state[0]
     given = frames.part(slice(29, 30))
-    shown = (given.joints[0], given.weights[0], given.raw[0], np.zeros(1, NOTE))
+    shown = (given.joints[0], given.weights[0], given.raw[:1], np.zeros(1, NOTE))
     with_model = (filter_._state, *filter_.with_model)
     motion_now = (filter_._process, filter_._grid)
     assert kernels.before_frame(*with_model, motion_now, given.times_ns[0], *shown)

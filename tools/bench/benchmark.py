@@ -39,6 +39,7 @@ from handtrack.hand.limits import DEFAULT_LIMITS, PRESETS
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.kernels import frame_loop as frames
+from handtrack.kernels.workspace import FITTED, NEW
 from handtrack.recording.write import write_mcap
 from handtrack.sequences.sequence import Sequence
 from handtrack.tracking.sequence_track import track
@@ -100,8 +101,8 @@ def compiled(
         for t in range(n):
             for count in (0, 1):
                 if start is not None:
-                    keep[:20], keep[20:32] = start.angles[t], start.roots[t]
-                keep[frames.MEMORY] = frames.NEW if start is None else frames.FITTED
+                    keep["angles"], keep["root"] = start.angles[t], start.roots[t]
+                keep["memory"] = NEW if start is None else FITTED
                 targets, out = np.array(joints[t : t + count]), results.rows[t : t + count]
                 every = (*given, keep, targets, np.ones((count, 21)), out, results.covariance)
                 before = time.perf_counter_ns()
@@ -208,7 +209,7 @@ def motion_part(quick: bool, limits: str) -> dict[str, Rows]:
         cases = list(zip(joints, sequence.time_ns.tolist(), strict=True))
         us = 1e6 * np.min([each(Tracker(model).step, cases, 1) for _ in range(rounds)], 0)
         row |= {"step() median us": np.median(us), "step() p99 us": np.percentile(us, 99)}
-        moving.append({**row, "Newton steps": fits.steps[1:].mean()})
+        moving.append({**row, "Newton steps": fits.rows["steps"][1:].mean()})
     for sigma in POSE_NOISE_MM:
         joints = noisy_poses(default, 100 if quick else 400, sigma)
         us = 1e6 * compiled(program, default, joints, None, rounds)[0]
