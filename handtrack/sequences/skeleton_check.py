@@ -38,6 +38,8 @@ _PROPORTION, _THUMB = 0.2, 0.3
 # lengths of noisy detections change by so much from frame to frame
 _CONSTANT = 0.15
 _RANDOM = 200
+# orders that are judged at a time, so that their numbers stay in the processor's cache
+_AT_ONCE = 16
 _FOLDED = float(np.cos(np.deg2rad(135.0)))
 _PAIRS = np.array(list(combinations(range(N_JOINTS), 2)))
 # our joints with the fingers in every other order
@@ -237,14 +239,22 @@ def _misfits(logs: Array, orders: NDArray[np.int64]) -> Array:
 
     A frame's scale is its own: the bones of one camera's detections breathe together.
     """
-    known = _lengths()
-    a, b = orders[:, known.pairs[:, 0]], orders[:, known.pairs[:, 1]]
     if not len(logs):
         return np.full(len(orders), np.nan)
-    x = np.where((a < 0) | (b < 0), np.nan, logs[:, a, b] - known.log_length)
-    x -= median(x[..., known.rigid], 2)[..., None]
-    typical = median(x, 0)
-    return _cost(typical, 1.4826 * median(np.abs(x - typical), 0))
+    by_pair = np.ascontiguousarray(logs.transpose(1, 2, 0))
+    parts = [orders[k : k + _AT_ONCE] for k in range(0, len(orders), _AT_ONCE)]
+    return np.concatenate([_misfits_of_few(by_pair, part) for part in parts])
+
+
+def _misfits_of_few(logs: Array, orders: NDArray[np.int64]) -> Array:
+    """(K,) as `_misfits`, from logs (N, N, F)."""
+    known = _lengths()
+    a, b = orders[:, known.pairs[:, 0]], orders[:, known.pairs[:, 1]]
+    x = logs[a, b] - known.log_length[:, None]
+    x[(a < 0) | (b < 0)] = np.nan
+    x -= median(x[:, known.rigid], 1)[:, None]
+    typical = median(x, 2)
+    return _cost(typical, 1.4826 * median(np.abs(x - typical[..., None]), 2))
 
 
 def _fair_misfits(logs: Array, orders: NDArray[np.int64]) -> Array:
@@ -271,8 +281,12 @@ def _cost(off: Array, spread: Array) -> Array:
 def median(x: Array, axis: int) -> Array:
     """Median of what is not NaN; NaN of nothing, without NumPy's warning."""
     ordered = np.sort(x, axis=axis)  # NaN goes to the end
-    n = np.isfinite(x).sum(axis, keepdims=True)
+    size = x.shape[axis]
+    if size and np.isfinite(ordered.take([0, -1], axis)).all():
+        low, high = ordered.take((size - 1) // 2, axis), ordered.take(size // 2, axis)
+        return np.asarray((low + high) / 2)
+    n = np.isfinite(ordered).sum(axis, keepdims=True)
     low = np.take_along_axis(ordered, np.maximum((n - 1) // 2, 0), axis)
-    high = np.take_along_axis(ordered, np.minimum(n // 2, ordered.shape[axis] - 1), axis)
+    high = np.take_along_axis(ordered, np.minimum(n // 2, size - 1), axis)
     middle = np.where(n > 0, (low + high) / 2, np.nan)
     return np.asarray(middle.squeeze(axis))
