@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
+import blas  # noqa: F401, first: before NumPy
 import pytest
 from made_tracks import make_track
 from screens import Screen, lacking, own_reason, started
