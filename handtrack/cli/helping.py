@@ -17,9 +17,10 @@ TEN = 10
 _LAST = ("quiet", "help", "_click_default_help")
 _GROUPS = {
     _FIRST: (
-        *("output", "overwrite", "filter", "hand", "unit", "fps", "finger", "joint", "camera"),
-        *("video", "stdin", "udp", "publish", "truth", "compare", "html", "save", "web", "to"),
-        *("overlay", "resume", "workers", "json", "as_json", "order", "rrd", "live"),
+        *("output", "overwrite", "filter", "camera", "overlay", "video", "stdin", "udp"),
+        *("publish", "hand", "unit", "fps", "finger", "joint", "truth", "compare", "html"),
+        *("save", "web", "to"),
+        *("resume", "workers", "json", "as_json", "order", "rrd", "live"),
         *_LAST,
     ),
     "Input": (
