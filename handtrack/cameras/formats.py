@@ -1,25 +1,19 @@
-"""Camera calibrations as people have them: aniposelib's TOML, OpenCV's YAML, Panoptic's JSON."""
+"""Camera calibrations as people have them: the files, and what is in TOML and JSON."""
 
 from __future__ import annotations
 
-import math
-import re
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from handtrack.cameras.camera import Camera
+from handtrack.cameras.dat_files import from_dats
+from handtrack.cameras.matrices import read_arrays, read_xml, read_yaml
+from handtrack.cameras.named import from_named
+from handtrack.cameras.numbers import METRES, entry, metres_of, name, numbers, rotation, size
 from handtrack.errors import InputError, shown
 from handtrack.files.texts import parse_json, parse_toml, read_text
-from handtrack.hand.rotations import vector_to_matrix
 
-Array = NDArray[np.float64]
-METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _OF_A_CAMERA = ("matrix", "rotation", "translation", "distortions")
-# no camera has as many pixels, is as far away, is turned as often or has a longer name
-_PIXELS, _FAR, _TURNS, _LONGEST = 100_000, 1e9, 100.0, 200
+_SUFFIXES = (".yml", ".yaml", ".json", ".toml", ".xml", ".npz")
 
 
 def load_cameras(path: str | Path, unit: str | None = None) -> list[Camera]:
@@ -28,37 +22,66 @@ def load_cameras(path: str | Path, unit: str | None = None) -> list[Camera]:
     Understood are
     - TOML as aniposelib writes it: a table for each camera with `name`, `size`, `matrix`,
       `distortions`, `rotation` (axis times angle) and `translation`;
-    - YAML as OpenCV's FileStorage writes it, one camera a file: `camera_matrix` or `K`,
-      `distortion_coefficients` or `D`, `R` and `T`, `image_width` and `image_height`;
+    - YAML and XML as OpenCV's FileStorage writes them, and .npz: `camera_matrix` or `K`,
+      `distortion_coefficients` or `D`, `R` and `T`, `image_width` and `image_height` of one
+      camera a file; or `K1`, `D1`, `K2`, `D2`, `R`, `T` of a stereo pair; in .npz also stacks
+      of cameras, `K` (C, 3, 3) and so on;
+    - YAML of ROS: `camera_info` files, and messages as `ros2 topic echo` prints them; where a
+      pair was calibrated together its world is the rectified frame of the first;
     - JSON as CMU Panoptic gives it: `cameras` with `name`, `resolution`, `K`, `distCoef`, `R`,
-      `t`; of its cameras the `hd` ones.
+      `t`; of its cameras the `hd` ones;
+    - pairs of .dat: `NAME.dat` with `intrinsic:` and `distortion:`, `rot_trans_NAME.dat` with
+      `R:` and `T:`.
 
     Args:
         path: the file or folder.
-        unit: of the translations: m, cm or mm; by default cm for Panoptic and m else.
+        unit: of the translations: m, cm or mm, or a length as in 42mm, for translations in
+            squares of a board; by default cm for Panoptic and m else.
 
     Raises:
         InputError: nothing there, not one of these, or a camera that is inconsistent.
+        SettingsError: a unit that is none.
     """
     path = Path(path)
-    if path.is_dir():
-        files = sorted(p for p in path.iterdir() if p.suffix in (".yml", ".yaml", ".json", ".toml"))
-        if not files:
-            raise InputError("no .toml, .yaml or .json calibration in this folder", path)
-        return _distinct([c for file in files for c in load_cameras(file, unit)], path)
-    text = read_text(path, "is no camera calibration")
+    scale = None if unit is None else metres_of(unit)
+    if not path.is_dir():
+        return _distinct(_of_file(path, scale), path)
+    inside = sorted(p for p in path.iterdir() if p.is_file())
+    dats = [p for p in inside if p.suffix == ".dat"]
+    files = [p for p in inside if p.suffix in _SUFFIXES]
+    if dats and not files:
+        return _distinct(from_dats(dats, path, scale or 1.0), path)
+    if not files:
+        raise InputError("no .toml, .yaml, .xml, .json, .npz or .dat calibration in it", path)
+    return _distinct([camera for file in files for camera in _of_file(file, scale)], path)
+
+
+def _of_file(path: Path, scale: float | None) -> list[Camera]:
+    """The cameras of one file; `scale` [m] of its unit, None: the format's."""
+    metre = scale or 1.0
     try:
+        if path.suffix == ".npz":
+            return from_named(read_arrays(path), path, metre)
+        text = read_text(path, "is no camera calibration")
         if path.suffix == ".toml":
-            return _from_toml(text, path, METRES[unit or "m"])
+            return _from_toml(text, path, metre)
+        if path.suffix == ".dat":
+            return from_dats([path], path.parent, metre)
         if text.lstrip().startswith("{"):
-            return _from_panoptic(text, path, METRES[unit or "cm"])
+            return _from_panoptic(text, path, scale or METRES["cm"])
+        if text.lstrip().startswith("<?xml") or path.suffix == ".xml":
+            return from_named(read_xml(text), path, metre)
         if text.startswith("%YAML") or path.suffix in (".yml", ".yaml"):
-            return [_from_opencv(text, path, METRES[unit or "m"])]
+            return from_named(read_yaml(text), path, metre)
     except InputError as error:
         if error.path is not None:
             raise
         raise InputError(str(error), path) from None
-    raise InputError("not a calibration: expected TOML, OpenCV's YAML or Panoptic's JSON", path)
+    raise InputError(
+        "not a calibration: expected TOML, OpenCV's YAML or XML, ROS's YAML, Panoptic's JSON,"
+        " .dat or .npz",
+        path,
+    )
 
 
 def _distinct(cameras: list[Camera], path: Path) -> list[Camera]:
@@ -75,66 +98,6 @@ def _distinct(cameras: list[Camera], path: Path) -> list[Camera]:
     return cameras
 
 
-def _numbers(value: Any, what: str, *shapes: tuple[int, ...]) -> Array:
-    """Numbers in one of some shapes; a flat list is as good as rows.
-
-    Raises:
-        InputError: text, NaN, numbers that are no place of a camera's, another shape.
-    """
-    flat, shape = _flat(value, what)
-    if not all(abs(x) < _FAR for x in flat):  # as is NaN
-        raise InputError(f"{what} holds a number that is not finite")
-    counts = {math.prod(s) for s in shapes}
-    if shapes and (len(flat) not in counts or shape not in (*shapes, (len(flat),))):
-        wanted = " or ".join(" x ".join(map(str, s)) for s in shapes)
-        has = f"shape {shape}" if len(flat) in counts else f"{len(flat)} numbers"
-        raise InputError(f"{what} has {has}, expected {wanted} numbers")
-    return np.array(flat, dtype=np.float64)
-
-
-def _flat(value: Any, what: str) -> tuple[list[float], tuple[int, ...]]:
-    """The numbers of a list, or of a list of lists, and its shape."""
-    rows = value if isinstance(value, list) else [value]
-    nested = bool(rows) and all(isinstance(row, list) for row in rows)
-    if nested and len({len(row) for row in rows}) > 1:
-        raise InputError(f"{what} has rows of different length")
-    flat = [x for row in rows for x in row] if nested else rows
-    for x in flat:
-        if isinstance(x, bool) or not isinstance(x, int | float):
-            raise InputError(f"{what} holds {shown(x, 40)}, expected numbers")
-    return flat, (len(rows), len(rows[0])) if nested else (len(flat),)
-
-
-def _size(value: Any, what: str) -> tuple[int, int]:
-    """Width and height of the pictures [px]."""
-    width, height = _numbers(value, what, (2,))
-    if not (0 < width < _PIXELS and 0 < height < _PIXELS and width % 1 == height % 1 == 0):
-        raise InputError(f"{what} is {width:g} x {height:g}, expected whole numbers of pixels")
-    return int(width), int(height)
-
-
-def _name(value: Any, where: str) -> str:
-    if isinstance(value, bool) or not isinstance(value, str | int) or len(str(value)) > _LONGEST:
-        raise InputError(f"{where} has the name {shown(value, 40)}, expected text")
-    return str(value)
-
-
-def _rotation(value: Array) -> Array:
-    """(3, 3), of a matrix or of axis times angle."""
-    if value.size == 9:
-        return value.reshape(3, 3)
-    if np.linalg.norm(value) > _TURNS:
-        raise InputError(f"rotation is {np.linalg.norm(value):.3g} rad, expected axis times angle")
-    return vector_to_matrix(value.ravel())
-
-
-def _entry(table: dict[str, Any], keys: tuple[str, ...], where: str) -> Any:
-    for key in keys:
-        if key in table:
-            return table[key]
-    raise InputError(f"{where} has no {' or '.join(keys)}")
-
-
 def _from_toml(text: str, path: Path, metre: float) -> list[Camera]:
     tables = parse_toml(text, path, "not valid TOML")
     cameras = []
@@ -146,14 +109,12 @@ def _from_toml(text: str, path: Path, metre: float) -> list[Camera]:
             raise InputError(f"{where} is a fisheye camera, which is not understood", path)
         cameras.append(
             Camera(
-                _name(table.get("name", key), where),
-                _numbers(_entry(table, ("matrix",), where), f"{where} matrix", (3, 3)).reshape(
-                    3, 3
-                ),
-                _numbers(table.get("distortions", []), f"{where} distortions"),
-                _rotation(
-                    _numbers(
-                        _entry(table, ("rotation",), where),
+                name(table.get("name", key), where),
+                numbers(entry(table, ("matrix",), where), f"{where} matrix", (3, 3)).reshape(3, 3),
+                numbers(table.get("distortions", []), f"{where} distortions"),
+                rotation(
+                    numbers(
+                        entry(table, ("rotation",), where),
                         f"{where} rotation",
                         (3,),
                         (3, 1),
@@ -161,10 +122,10 @@ def _from_toml(text: str, path: Path, metre: float) -> list[Camera]:
                     )
                 ),
                 metre
-                * _numbers(
-                    _entry(table, ("translation",), where), f"{where} translation", (3,), (3, 1)
+                * numbers(
+                    entry(table, ("translation",), where), f"{where} translation", (3,), (3, 1)
                 ),
-                _size(table["size"], f"{where} size") if "size" in table else None,
+                size(table["size"], f"{where} size") if "size" in table else None,
             )
         )
     if not cameras:
@@ -184,79 +145,16 @@ def _from_panoptic(text: str, path: Path, metre: float) -> list[Camera]:
         where = f"camera {shown(c.get('name', i), 60)}"
         cameras.append(
             Camera(
-                _name(c.get("name", i), where),
-                _numbers(_entry(c, ("K",), where), f"{where} K", (3, 3)).reshape(3, 3),
-                _numbers(c.get("distCoef", []), f"{where} distCoef"),
-                _numbers(_entry(c, ("R",), where), f"{where} R", (3, 3)).reshape(3, 3),
-                metre * _numbers(_entry(c, ("t",), where), f"{where} t", (3,), (3, 1)),
+                name(c.get("name", i), where),
+                numbers(entry(c, ("K",), where), f"{where} K", (3, 3)).reshape(3, 3),
+                numbers(c.get("distCoef", []), f"{where} distCoef"),
+                numbers(entry(c, ("R",), where), f"{where} R", (3, 3)).reshape(3, 3),
+                metre * numbers(entry(c, ("t",), where), f"{where} t", (3,), (3, 1)),
                 None
                 if c.get("resolution") is None
-                else _size(c["resolution"], f"{where} resolution"),
+                else size(c["resolution"], f"{where} resolution"),
             )
         )
     if not cameras:
         raise InputError("the list of cameras is empty", path)
     return _distinct(cameras, path)
-
-
-_MATRIX = re.compile(
-    r"^(?P<name>\w{1,80}):[ \t]*!!opencv-matrix\s{1,80}rows:[ \t]*(?P<rows>\d{1,4})\s{1,80}"
-    r"cols:[ \t]*(?P<columns>\d{1,4})\s{1,80}dt:[ \t]*\w{1,9}\s{1,80}"
-    r"data:\s{0,80}\[(?P<data>[^\]]{0,1000})\]",
-    re.MULTILINE,
-)
-_SCALAR = re.compile(r"^(?P<name>\w{1,80}):[ \t]*(?P<value>[^\s!][^\n]{0,300})$", re.MULTILINE)
-
-
-def _from_opencv(text: str, path: Path, metre: float) -> Camera:
-    """FileStorage's YAML: a few named matrices. General YAML readers refuse its first line."""
-    matrices: dict[str, Array] = {}
-    for match in _MATRIX.finditer(text):
-        name, shape = match["name"], (int(match["rows"]), int(match["columns"]))
-        if name in matrices:
-            raise InputError(f"{name} is there twice", path)
-        words = [_float(word, name) for word in match["data"].replace(",", " ").split()]
-        matrices[name] = _numbers(words, name, shape).reshape(shape)
-    scalars: dict[str, str] = {}
-    for match in _SCALAR.finditer(text):
-        if match["name"] in scalars:
-            raise InputError(f"{match['name']} is there twice", path)
-        scalars[match["name"]] = match["value"].strip().strip('"')
-    where = "the file"
-    k = _entry(matrices, ("camera_matrix", "K", "cameraMatrix", "intrinsic"), where)
-    distortion = next(
-        (
-            matrices[n]
-            for n in ("distortion_coefficients", "D", "distCoeffs", "dist")
-            if n in matrices
-        ),
-        np.zeros(5),
-    )
-    rotation = _entry(matrices, ("R", "rotation", "rvec"), where)
-    move = _entry(matrices, ("T", "t", "translation", "tvec"), where)
-    size = None
-    if "image_width" in scalars and "image_height" in scalars:
-        pair = [_float(scalars[name], name) for name in ("image_width", "image_height")]
-        size = _size(pair, "image size")
-    for name, value, shapes in (
-        ("camera_matrix", k, ((3, 3),)),
-        ("R", rotation, ((3, 3), (3, 1), (1, 3))),
-        ("T", move, ((3, 1), (1, 3))),
-    ):
-        if value.shape not in shapes:
-            raise InputError(f"{name} has shape {value.shape}", path)
-    return Camera(
-        _name(scalars.get("camera_name", path.stem), where),
-        k,
-        distortion.ravel(),
-        _rotation(rotation),
-        metre * move.ravel(),
-        size,
-    )
-
-
-def _float(word: str, what: str) -> float:
-    try:
-        return float(word)
-    except ValueError:
-        raise InputError(f"{what} holds {shown(word, 40)}, expected numbers") from None

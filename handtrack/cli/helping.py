@@ -65,6 +65,7 @@ EXAMPLES = {
         "track a.npz b.json -o OUT/",
         "track clip.mp4 --overlay seen.mp4",
         "track cam0.mp4 cam1.mp4 --camera calibration.toml",
+        "track pixels.npz --camera dats/ --board-unit 42mm",
         "track noisy.csv --filter rts --unit mm",
     ),
     "batch": ("batch takes/ -o runs/",),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -50,6 +50,7 @@ class Estimate:
         truth: (T, 21, 3) that came with them, or None.
         angles: (T, 20) [rad] or None, with the limits they should keep.
         timed, numbered: whether times and numbers are the source's (as in `Sequence`).
+        reprojection_px: how far from pictures, where `observed` was fitted to those, or None.
     """
 
     name: str
@@ -64,7 +65,7 @@ class Estimate:
     limits: Limits | None = None
     timed: bool = True
     numbered: bool = True
-    notes: tuple[str, ...] = ()
+    reprojection_px: Spread | None = None
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -89,7 +90,7 @@ class Estimate:
             track.model.limits,
             track.timed,
             track.numbered,
-            _seen_by_cameras(track.settings),
+            reprojection_px=_in_pictures(track.settings),
         )
 
     @staticmethod
@@ -109,22 +110,14 @@ class Estimate:
         )
 
 
-def _seen_by_cameras(settings: Mapping[str, Any]) -> tuple[str, ...]:
-    """Of a hand that was fitted to the pictures of cameras: how far it is from what they saw."""
+def _in_pictures(settings: Mapping[str, Any]) -> Spread | None:
+    """Of a hand that was fitted to the pictures of cameras: how far it is from them [px]."""
     found = settings.get("cameras")
-    if not isinstance(found, dict) or not isinstance(found.get("reprojection_px"), dict):
-        return ()
-    pixels = found["reprojection_px"]
+    pixels = found.get("reprojection_px") if isinstance(found, dict) else None
+    if not isinstance(pixels, dict):
+        return None
     values = {n: v for n, v in pixels.items() if isinstance(v, int | float)}
-    numbers = ", ".join(f"{name} {value:.2f}" for name, value in values.items())
-    return (
-        f"seen by {_cameras(found.get('views'))}, reprojection error {numbers} px: that is its"
-        " observed error; the joints that the errors in mm are against are a fit themselves",
-    )
-
-
-def _cameras(count: object) -> str:
-    return "1 camera" if count == 1 else f"{count} cameras"
+    return Spread(*(float(values.get(n, np.nan)) for n in Spread.__dataclass_fields__))
 
 
 def _known(truth: Array | None) -> Array | None:
@@ -184,7 +177,7 @@ def measure(
     if estimate.angles is not None and estimate.limits is not None:
         outside = 100 * anatomy.limit_violations(estimate.angles, estimate.limits).share
     drift = anatomy.bone_length_drift(joints)
-    return summary(
+    found = summary(
         estimate.name,
         estimate.hand,
         estimate.counts,
@@ -207,6 +200,7 @@ def measure(
             estimate.numbered,
         ),
     )
+    return replace(found, reprojection_px=estimate.reprojection_px)
 
 
 def summary(
@@ -282,8 +276,6 @@ def summary(
 def pool(rows: list[Stability], note: str = "", name: str = "overall") -> Stability:
     """All frames of the rows as one; the rows must be against the same thing."""
     if len(rows) == 1:
-        from dataclasses import replace
-
         return replace(rows[0], name=name, notes=(note,) if note else ())
     shared = set.intersection(*(set(r.frame_values) for r in rows))
     values = {

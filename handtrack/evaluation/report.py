@@ -23,7 +23,7 @@ MEANING = {
         "Against the observed joints: how well the hand explains what it was given, noise"
         " included. This is not accuracy."
     ),
-    "nothing": "Joints that come alone: no errors, only how they move.",
+    "nothing": "Joints that come alone, or fitted to pictures: no errors in mm, but how they move.",
 }
 _GAP = 3
 """Characters between two columns."""
@@ -279,7 +279,7 @@ class _Column:
 
 def _that_fit(rows: list[Stability], width: int) -> tuple[list[_Column], list[str]]:
     """The columns for that width, and the headings of those left out."""
-    columns = [c for c in _COLUMNS if any(c.cell(r) for r in rows)]
+    columns = [c for c in _COLUMNS if any(c.cell(r).strip("- ±") for r in rows)]
     if len({r.against for r in rows}) == 1:
         columns = [c for c in columns if c.heading != "against"]  # the caption says it
 
@@ -335,6 +335,7 @@ _COLUMNS: tuple[_Column, ...] = (
     _Column("median", 0, lambda r: _short(r.pa_mpjpe_mm.median)),
     _Column("p95", 2, lambda r: _short(r.pa_mpjpe_mm.p95)),
     _Column("max", 1, lambda r: _short(r.pa_mpjpe_mm.max)),
+    _Column("reprojection, px", _MUST, lambda r: _mean_std(r.reprojection_px)),
     _Column("input", 6, lambda r: _mean_std(r.input_pa_mpjpe_mm)),
     _Column("MPJPE", 7, lambda r: _short(r.mpjpe_mm.mean)),
     _Column("jitter", 8, lambda r: _with_input(r.jitter_m_s3, r.input_jitter_m_s3)),

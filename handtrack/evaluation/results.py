@@ -118,6 +118,8 @@ class Stability:
         shake: how much the hand shakes as a whole, and its fingers by themselves;
             input_shake, truth_shake: the same of the observed joints and of the truth, None
             without them.
+        reprojection_px: of joints that were fitted to pictures how far they are from what was
+            seen there; such joints are measured against nothing else, without a truth. Or None.
         notes: what to know when reading the numbers, one line each.
         frame_values: name -> (frames,) the values per frame that the numbers above sum up.
         material: the frames themselves; None for several sequences pooled.
@@ -153,6 +155,7 @@ class Stability:
     shake: Shake | None = None
     input_shake: Shake | None = None
     truth_shake: Shake | None = None
+    reprojection_px: Spread | None = None
     notes: tuple[str, ...] = ()
     frame_values: Mapping[str, Array] = field(default_factory=dict, repr=False)
     material: Material | None = field(default=None, repr=False)

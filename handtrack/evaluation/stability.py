@@ -9,6 +9,7 @@ nothing: only how they move is known then.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -59,7 +60,9 @@ def stability(
     rows = [_alone(e, _best(e)) for e in estimates]
     pooled, note = rows, ""
     if len({r.against for r in rows}) > 1:
-        least: Against = "nothing" if any(e.observed is None for e in estimates) else "observed"
+        least: Against = (
+            "observed" if all(_best(_blind(e)) == "observed" for e in estimates) else "nothing"
+        )
         pooled = [_alone(e, least) for e in estimates]
         note = f"against the {least} joints of all, for only some sequences have a truth"
         if least == "nothing":
@@ -169,13 +172,19 @@ def _estimate(given: Track | Sequence | Estimate) -> Estimate:
 def _best(estimate: Estimate) -> Against:
     if estimate.truth is not None:
         return "truth"
-    return "nothing" if estimate.observed is None else "observed"
+    # what was fitted to pictures is no observation: against it every error would be 0
+    fitted = estimate.observed is None or estimate.reprojection_px is not None
+    return "nothing" if fitted else "observed"
+
+
+def _blind(estimate: Estimate) -> Estimate:
+    return replace(estimate, truth=None)
 
 
 def _alone(estimate: Estimate, against: Against) -> Stability:
     """An estimate against what came with it."""
     reference = {"truth": estimate.truth, "observed": estimate.observed}.get(against)
-    notes = list(estimate.notes)
+    notes = []
     if against == "truth" and reference is not None:
         wrong = truth_problem(estimate.joints, reference)
         if wrong:

@@ -43,11 +43,16 @@ def test_cameras_measure_in_pixels(call, sample, elsewhere):
     ht.write_mcap([replace(track, settings={**track.settings, "cameras": seen})], "a.mcap")
     ht.write_mcap([track], "plain.mcap")
     for command, text in (
-        ("stability", "seen by 2 cameras, reprojection error mean 2.50, median 2.25"),
+        ("stability", "reprojection, px"),
         ("info", "reprojection error in 2 cameras, px: mean 2.5, median 2.25"),
     ):
         status, out, _ = call(command, "a.mcap")
         assert status == 0
         assert text in " ".join(out.split())
         assert "reprojection" not in call(command, "plain.mcap")[1]
+    row = ht.stability(ht.read_mcap("a.mcap")).overall
+    assert row.against == "nothing"
+    assert row.compared == 0
+    assert (row.reprojection_px.median, row.reprojection_px.max) == (2.25, 9.0)
+    assert ht.stability(track).overall.against == "observed"
     assert np.isfinite(track.angles).any()
