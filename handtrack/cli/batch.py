@@ -13,7 +13,7 @@ import click
 
 from handtrack.batching.progress import Progress, duration
 from handtrack.cli.helping import Command
-from handtrack.cli.inputs import Reading, reading_options
+from handtrack.cli.inputs import Reading
 from handtrack.cli.models import hand_model_option, model_options, take_models
 from handtrack.cli.options import (
     is_default,
@@ -24,6 +24,7 @@ from handtrack.cli.options import (
     take_tracking,
     tracking_options,
 )
+from handtrack.cli.reading_options import reading_options
 from handtrack.errors import SettingsError
 
 if TYPE_CHECKING:

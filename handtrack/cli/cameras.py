@@ -15,6 +15,7 @@ from handtrack.errors import InputError, SettingsError
 
 if TYPE_CHECKING:
     from handtrack import Camera, HandModel
+    from handtrack.sequences.picture_landmarks import PictureLandmarks
     from handtrack.video.following import Followed
     from handtrack.video.landmark_files import Found
     from handtrack.video.views import Views
@@ -32,16 +33,18 @@ class Lens:
         file: their calibration.
         size: (width, height) of the pictures [px].
         fov_deg: how wide the camera sees.
+        board_unit: unit of the calibration's translations.
     """
 
     file: Path | None
     size: tuple[int, int] | None
     fov_deg: float | None
+    board_unit: str | None = None
 
     @property
     def given(self) -> bool:
         """Whether anything is said."""
-        return any(said is not None for said in (self.file, self.size, self.fov_deg))
+        return any(said is not None for said in vars(self).values())
 
     def cameras(self, unit: str | None, count: int) -> list[Camera] | None:
         """The calibrated cameras, of pictures of the size that is said; None without a file.
@@ -53,6 +56,8 @@ class Lens:
         import handtrack as ht
 
         if self.file is None:
+            if self.board_unit is not None:
+                raise SettingsError("--board-unit is the calibration's: give --camera as well")
             if count != 1:
                 raise SettingsError(
                     f"--image-size and --fov tell of one camera, {count} inputs are named: name"
@@ -61,7 +66,7 @@ class Lens:
             return None
         if self.fov_deg is not None:
             raise SettingsError("--camera has the lens already: leave --fov out")
-        cameras = ht.load_cameras(self.file, unit)
+        cameras = ht.load_cameras(self.file, self.board_unit or unit)
         if len(cameras) != count:
             names = ", ".join(c.name for c in cameras)
             raise InputError(
@@ -112,8 +117,12 @@ def from_cameras(
     from handtrack.video.placing import Seen
     from handtrack.video.views import views_of
 
-    cameras = lens.cameras(reading.unit, len(inputs))
-    people, stored = _people(lens, cameras, inputs, reading, quiet)
+    stack = _stack(inputs, reading)
+    cameras = lens.cameras(reading.unit, len(stack or inputs))
+    if stack is None:
+        people, stored = _people(lens, cameras, inputs, reading, quiet)
+    else:
+        people, stored = _people_of(stack, cameras or [], reading), True
     sequences, noise, hands = [], [], []
     told: dict[tuple[str, str], dict[str, Any]] = {}
     for found in people:
@@ -122,7 +131,7 @@ def from_cameras(
         for views in views_of(seen, used):
             if not stored and reading.hand not in ("auto", views.hand):
                 continue
-            views = replace(views, notes=(*views.notes, *(n for f in found for n in f.notes)))
+            views = _told(views, found, reading)
             model = _hand(views, models, calibrate, detector, stored)
             followed = follow(views, model)
             # what follows are joint centres
@@ -131,8 +140,8 @@ def from_cameras(
             sequences.append(followed.sequence)
             noise.append(followed.noise_mm)
             pixels = followed.reprojection[np.isfinite(followed.reprojection)]
-            values = (pixels.mean(), *np.percentile(pixels, [50, 95]), pixels.max())
-            kinds = ("mean", "median", "p95", "max")
+            values = (pixels.mean(), pixels.std(), *np.percentile(pixels, [50, 95]), pixels.max())
+            kinds = ("mean", "std", "median", "p95", "max")
             error = {kind: round(float(x), 3) for kind, x in zip(kinds, values, strict=True)}
             about: dict[str, Any] = {"views": len(used), "reprojection_px": error}
             if stored:
@@ -152,6 +161,44 @@ def from_cameras(
     item = Item.of(sequences, inputs[0], pictures)
     item.told = told
     return item, max(*noise, LEAST_NOISE_MM)
+
+
+def _stack(inputs: tuple[Path, ...], reading: Reading) -> list[PictureLandmarks] | None:
+    """What several cameras saw, where one file holds it all."""
+    from handtrack.sequences.picture_stacks import stack_in
+
+    if len(inputs) != 1:
+        return None
+    return stack_in(inputs[0], reading.key, reading.order, reading.fps, reading.frame_range)
+
+
+def _people_of(
+    stack: list[PictureLandmarks], cameras: list[Camera], reading: Reading
+) -> list[list[Found]]:
+    """The one person whom several cameras saw, as `_people` gives people."""
+    from handtrack.sequences.hands import CHOICES
+    from handtrack.video.landmark_files import found_in
+
+    choice = next(c for c in CHOICES if c == reading.hand)
+    sizes = [camera.size or one.extent for camera, one in zip(cameras, stack, strict=True)]
+    seen = [found_in([one], size, choice) for one, size in zip(stack, sizes, strict=True)]
+    if not all(seen):
+        raise InputError(f"there is no {reading.hand} hand", stack[0].source)
+    return [[people[0] for people in seen]]
+
+
+def _told(views: Views, found: list[Found], reading: Reading) -> Views:
+    """Views with what the user should know; of several cameras the joints' bending tells the hand
+    that no file names."""
+    from handtrack.sequences.hands import CHOICES, label_hands
+
+    notes = tuple(dict.fromkeys(n for f in found for n in f.notes))
+    if len(views.cameras) == 1 or any(f.named for f in found):
+        return replace(views, notes=(*views.notes, *notes))
+    choice = next(c for c in CHOICES if c == reading.hand)
+    (points,) = label_hands([views.sequence()], [None], [False], choice, False)
+    notes = tuple(n for n in notes if not n.startswith("hand not named"))
+    return replace(views, hand=points.hand, notes=(*points.notes, *notes))
 
 
 def _people(

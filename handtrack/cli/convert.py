@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handtrack.cli.helping import Command
-from handtrack.cli.inputs import Reading, reading_options
+from handtrack.cli.inputs import Reading
 from handtrack.cli.models import hand_model_option, model_options, take_models
 from handtrack.cli.options import json_option, quiet_option
 from handtrack.cli.outputs import overwrite_option, refuse_existing
 from handtrack.cli.progress import compiling_said
+from handtrack.cli.reading_options import reading_options
 from handtrack.errors import InputError, SettingsError
 
 if TYPE_CHECKING:

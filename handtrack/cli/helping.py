@@ -24,6 +24,7 @@ _GROUPS = {
         *_LAST,
     ),
     "Input": (
+        *("hand", "unit", "fps", "board_unit", "image_size", "fov"),
         *(
             "order",
             "frames",

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -18,8 +17,6 @@ if TYPE_CHECKING:
     from handtrack.sequences.load import PassedOver
     from handtrack.sequences.picture_landmarks import PictureLandmarks
     from handtrack.video.detections import Detections
-
-_Command = TypeVar("_Command", bound=Callable[..., Any])
 
 
 class Reading(NamedTuple):
@@ -39,6 +36,8 @@ class Reading(NamedTuple):
     profile: Path | None = None
     trajectory: Path | None = None
     markers: Path | None = None
+    key: str | None = None
+    columns: str | None = None
 
     def load(
         self, path: Path, quiet: bool = False, found: Detections | None = None
@@ -151,67 +150,6 @@ class Reading(NamedTuple):
                 f"--frames {self.frames} is no range, expected A:B, as in 20701:20800"
             )
         return a, b
-
-
-_FRAMES = click.option("--frames", metavar="A:B", help="Only source frames A to B, both included.")
-
-
-def reading_options(command: _Command, frames: bool = True) -> _Command:
-    """Give a command the options that make a `Reading`; `frames`: also the one of that name."""
-    for option in (
-        click.option("--fps", type=float, help="Frame rate, instead of the file's times."),
-        click.option(
-            "--time-unit",
-            type=click.Choice(["s", "ms", "us", "ns"]),
-            help="Unit of the file's times, where it does not say or is wrong.",
-        ),
-        click.option(
-            "--mirror",
-            type=click.Choice(["x", "y", "z"]),
-            help="Axis to turn round, where the file's world is left-handed (Unity, Unreal).",
-        ),
-        click.option(
-            "--order",
-            metavar="NAME",
-            help="Joint order, where the file does not say: a name, or 21 places (0,1,2,...).",
-        ),
-        click.option(
-            "--markers",
-            type=click.Path(path_type=Path),
-            metavar="FILE",
-            help="Of motion capture: which marker is which joint, JSON or CSV of pairs.",
-        ),
-        click.option(
-            "--trajectory",
-            type=click.Path(path_type=Path),
-            metavar="FILE",
-            help="Of Project Aria: closed_loop_trajectory.csv, to bring hands into the world.",
-        ),
-        click.option(
-            "--profile",
-            type=click.Path(path_type=Path),
-            metavar="FILE",
-            help="Of UmeTrack's angles (HOT3D, emg2pose): the hand's profile, if not beside them.",
-        ),
-        click.option("--unit", type=click.Choice(["m", "cm", "mm"]), help="Unit of the joints."),
-        click.option(
-            "--hand",
-            type=click.Choice(["auto", "left", "right", "swap"]),
-            default="auto",
-            help="Which hand it is, or which to take of two; swap exchanges the labels.",
-        ),
-        click.option(
-            "--format", metavar="NAME", help="Format of the file, where it could be another's."
-        ),
-        click.option(
-            "--max-size",
-            metavar="SIZE",
-            help="Read, and unpack, files up to that size, such as 16GB.  [default: 4GB]",
-        ),
-        *([_FRAMES] if frames else []),
-    ):
-        command = option(command)
-    return command
 
 
 def recordings(paths: tuple[Path, ...]) -> list[Path]:

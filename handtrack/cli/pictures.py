@@ -68,8 +68,15 @@ def picture_options(command: Any) -> Any:
             type=click.Path(path_type=Path),
             metavar="FILE",
             help="Calibration of the cameras that took the videos, in their order: aniposelib's"
-            " TOML, OpenCV's YAML (a folder of files), Panoptic's JSON. Of files of landmarks in"
-            " pictures (MediaPipe's, OpenPose's ...) as well.",
+            " TOML, OpenCV's YAML or XML, ROS's camera_info, Panoptic's JSON, .npz, .dat; a file or"
+            " a folder of them. Of files of landmarks in pictures (MediaPipe's, OpenPose's ...) as"
+            " well.",
+        ),
+        click.option(
+            "--board-unit",
+            metavar="UNIT",
+            help="Unit of the calibration's translations: m, cm, mm, or the length of a board's"
+            " square as in 42mm.  [default: cm for Panoptic, else m]",
         ),
         click.option(
             "--image-size",

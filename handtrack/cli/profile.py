@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handtrack.cli.helping import Command
-from handtrack.cli.inputs import Reading, Truths, reading_options
+from handtrack.cli.inputs import Reading, Truths
 from handtrack.cli.options import json_option, quiet_option
 from handtrack.cli.outputs import check_target
+from handtrack.cli.reading_options import reading_options
 from handtrack.errors import InputError
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import click
 
 from handtrack.cli.cameras import Lens, from_cameras
 from handtrack.cli.helping import Command
-from handtrack.cli.inputs import Reading, reading_options
+from handtrack.cli.inputs import Reading
 from handtrack.cli.job import Made, Work
 from handtrack.cli.live_view import live_options, live_view
 from handtrack.cli.models import hand_model_option, model_options, take_models
@@ -26,6 +26,7 @@ from handtrack.cli.options import (
 from handtrack.cli.outputs import jobs, overwrite_option
 from handtrack.cli.pictures import check_overlay, picture_options
 from handtrack.cli.progress import compiling_said, progress_shown, warm_up
+from handtrack.cli.reading_options import reading_options
 from handtrack.cli.sources import Given, items_of
 from handtrack.errors import HandtrackError, SettingsError
 
@@ -64,6 +65,7 @@ def track(
     overlay: Path | None,
     overlay_skin: tuple[int, int, int] | None,
     camera: Path | None,
+    board_unit: str | None,
     image_size: tuple[int, int] | None,
     fov: float | None,
     live: bool,
@@ -85,7 +87,7 @@ def track(
     if models.file is not None and is_default("calibrate"):
         settings = settings.but(calibrate="none", detector="none")
     reading, silent = Reading(**options, **mano), quiet or as_json
-    lens = Lens(camera, image_size, fov)
+    lens = Lens(camera, image_size, fov, board_unit)
     if lens.given:
         with compiling_said(silent):
             method = settings.calibration.method

@@ -20,6 +20,7 @@ from handtrack.sequences.assemble import (
     without_marks,
 )
 from handtrack.sequences.hands import CHOICES, HandChoice, label_hands
+from handtrack.sequences.readers.chosen import read_chosen
 from handtrack.sequences.readers.companions import Companions, Pending, check_taken, resolved
 from handtrack.sequences.readers.folder import Source, sources
 from handtrack.sequences.readers.mano_params import decoded
@@ -47,6 +48,8 @@ def load(
     trajectory: str | PathLike[str] | None = None,
     markers: str | PathLike[str] | None = None,
     *,
+    key: str | None = None,
+    columns: str | None = None,
     passed_over: list[PassedOver] | None = None,
 ) -> list[Sequence]:
     """Joint sequences from a file or a folder; the format is recognised by content.
@@ -85,6 +88,10 @@ def load(
         profile: UmeTrack's description of a hand, which makes joints of its angles.
         trajectory: where Project Aria's device was, which brings its hands into the world.
         markers: a file that says which marker of a motion capture file is which joint.
+        key: what is the joints, where names do not tell: an array of an .npz, a dataset of an
+            HDF5 ("group/name"), a key of a JSON ("above.name").
+        columns: of a text table the columns of the joints, x y z of each in its turn: "A:B", the
+            first and the last, or all with commas between; titles, or numbers from 0.
         passed_over: of a folder: what cannot be read is added to it, and nothing of it said in
             notes; without it a damaged file is an error.
 
@@ -116,9 +123,13 @@ def load(
 
     with budget.limited(max_size):
         if where.is_dir():
+            if key is not None or columns is not None:
+                raise SettingsError(f"{where} is a folder: --key and --columns are for a file")
             found = _from_folder(where, lambda s: made(s.read(frames, format)), passed_over)
         else:
-            found = _unique_names(made(read_file(where, frames, format)))
+            chosen = key is not None or columns is not None
+            raws = read_chosen(where, key, columns) if chosen else read_file(where, frames, format)
+            found = _unique_names(made(raws))
     check_taken(pending, beside, where)
     return found
 

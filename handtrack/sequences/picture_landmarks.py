@@ -55,6 +55,14 @@ class PictureLandmarks:
     source: str
     notes: tuple[str, ...] = ()
 
+    @property
+    def extent(self) -> tuple[int, int] | None:
+        """(width, height) [px] that holds all points; None of shares."""
+        if self.shares:
+            return None
+        width, height = np.ceil(np.nanmax(self.points, axis=(0, 1))) + 1
+        return int(width), int(height)
+
     def pixels(self, size: tuple[int, int]) -> Array:
         """(T, 21, 2) [px] in pictures of a size (width, height)."""
         return self.points * np.array(size, dtype=np.float64) if self.shares else self.points

@@ -29,10 +29,12 @@ class Found:
     Attributes:
         detections: as a detector gives them.
         notes: what the user should know.
+        named: whether the file, or the user, says which hand it is.
     """
 
     detections: Detections
     notes: tuple[str, ...]
+    named: bool = True
 
 
 def camera_of_view(size: tuple[int, int], fov_deg: float) -> Camera:
@@ -78,7 +80,11 @@ def found_in(
         people[at][hand] = one
         notes[at] += [*one.notes, *said]
     return [
-        Found(_detections(hands, size), tuple(dict.fromkeys(said)))
+        Found(
+            _detections(hands, size),
+            tuple(dict.fromkeys(said)),
+            choice in HANDS or all(one.hand is not None for one in hands.values()),
+        )
         for hands, said in zip(people, notes, strict=True)
     ]
 
