@@ -165,3 +165,40 @@ def test_texts_larger_than_the_file_are_not_made_room_for(tmp_path):
     at = data.index(b"GCOL") + 8
     path.write_bytes(data[:at] + (2_000_000_000).to_bytes(8, "little") + data[at + 8 :])
     assert "2000000000 bytes of text" in one_line(path)
+
+
+def test_texts_longer_than_the_file_are_not_made_room_for(tmp_path, right):
+    path = tmp_path / "a.hdf5"
+    for latest in (False, True):
+        with h5py.File(path, "w", libver="latest" if latest else "earliest") as file:
+            file["joints_m"], file.attrs["handed"] = right, "right"
+            file.attrs["hand"] = "right"
+        (sequence,) = ht.load(path)
+        assert sequence.hand == "right"
+        data = path.read_bytes()
+        told = (5).to_bytes(4, "little")
+        at = data.index(told, data.rindex(b"hand\0") + 20)
+        path.write_bytes(data[:at] + (2_000_000_000).to_bytes(4, "little") + data[at + 4 :])
+        # the newer layout has checksums of its own
+        assert ("checksum" if latest else "hand tells of 2000000000 bytes") in one_line(path)
+
+
+@pytest.mark.parametrize("packed", [{}, {"chunks": (6,)}, {"compression": "gzip"}])
+def test_lists_of_texts_are_as_long_as_the_file(tmp_path, right, packed):
+    path = tmp_path / "a.hdf5"
+    sides = ["right"] * 6 + ["left"] * 6
+    with h5py.File(path, "w") as file:
+        file["joints_m"] = np.concatenate([right[:6], right[:6] * [-1, 1, 1]])
+        file.create_dataset("hand", data=sides, dtype=h5py.string_dtype(), **packed)
+    assert ht.load(path)
+    if "compression" in packed:
+        return
+    with h5py.File(path) as file:
+        places: list[int] = []
+        data = file["hand"].id
+        if packed:
+            data.chunk_iter(lambda info: places.append(info.byte_offset))
+        at = places[0] if packed else data.get_offset()
+    data = path.read_bytes()
+    path.write_bytes(data[:at] + (2_000_000_000).to_bytes(4, "little") + data[at + 4 :])
+    assert "hand tells of 2000000" in one_line(path)

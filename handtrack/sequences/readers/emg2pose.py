@@ -17,7 +17,8 @@ import numpy as np
 from handtrack.errors import InputError
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import as_side
-from handtrack.sequences.readers.hdf5_file import dataset, member, said
+from handtrack.sequences.readers.hdf5_file import dataset, member
+from handtrack.sequences.readers.hdf5_texts import said
 from handtrack.sequences.readers.raw import Raw, stem
 from handtrack.sequences.readers.umetrack import N_HINGES, Angles
 
@@ -48,7 +49,7 @@ def read(file: Any, path: Path) -> list[Raw] | None:
     if not (np.abs(angles) < _LARGEST).all():
         raise InputError("a joint angle is no number of radians", path)
     times = np.asarray(table["time"], dtype=np.float64)
-    side = as_side(said(group.attrs, "side")) or _in_name(path)
+    side = as_side(said(group, "side", path)) or _in_name(path)
     if side is None:
         raise InputError("does not say which hand it is of (attribute side)", path)
     lost = ~angles.any(1)
@@ -60,7 +61,7 @@ def read(file: Any, path: Path) -> list[Raw] | None:
         hand=side,
         unit="m",
         stamps=Stamps(times, "time", "s"),
-        subject=said(group.attrs, "user"),
+        subject=said(group, "user", path),
         pending=Angles(angles),
         notes=("the wrist's pose is not in it: joints are in the wrist's frame",),
     )

@@ -54,10 +54,15 @@ def _transform(given: Any) -> Transform:
 def _class(name: str, schema: bytes) -> Any:
     from google.protobuf.descriptor_pb2 import FileDescriptorSet
     from google.protobuf.descriptor_pool import DescriptorPool
+    from google.protobuf.message import DecodeError
     from google.protobuf.message_factory import GetMessageClass
 
     pool = DescriptorPool()
-    for file in FileDescriptorSet.FromString(schema).file:
+    try:
+        files = FileDescriptorSet.FromString(schema).file
+    except DecodeError as error:
+        raise ValueError(f"its schema is damaged: {error}") from None
+    for file in files:
         pool.AddSerializedFile(file.SerializeToString())
     return GetMessageClass(pool.FindMessageTypeByName(name))
 

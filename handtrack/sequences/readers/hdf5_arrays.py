@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from handtrack.sequences.readers import visionpro
-from handtrack.sequences.readers.both_hands import of_sides, two_hands
+from handtrack.sequences.readers.both_hands import by_frame, of_sides, two_hands
 from handtrack.sequences.readers.fields import from_fields
-from handtrack.sequences.readers.hdf5_file import dataset, member, names_in, said
+from handtrack.sequences.readers.hdf5_file import dataset, member, names_in
+from handtrack.sequences.readers.hdf5_texts import said, texts
 from handtrack.sequences.readers.raw import Raw
 from handtrack.sequences.titles import joints_key
 
@@ -31,14 +32,17 @@ def read(file: Any, path: Path) -> list[Raw] | None:
             )
         if not any(joints_key(name) for name in names):
             continue
-        fields: dict[str, Any] = {k: v for k in group.attrs if (v := said(group.attrs, k))}
+        fields: dict[str, Any] = {k: v for k in group.attrs if (v := said(group, k, path))}
         for name in names:
             data = dataset(group, name, path)
             if data is None or data.dtype.kind not in "fiuSO":
                 continue
-            value = data.asstr()[()] if data.dtype.kind in "SO" else data[()]
+            value = texts(data, name, path) if data.dtype.kind in "SO" else data[()]
+            if value is None:
+                continue
             fields[name] = value.item() if getattr(value, "ndim", 1) == 0 else value
-        return [raw for part in of_sides(fields) for raw in two_hands(from_fields(part, path))]
+        parts = [own for part in of_sides(fields) for own in by_frame(part, path)]
+        return [raw for part in parts for raw in two_hands(from_fields(part, path))]
     return None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -40,7 +41,7 @@ def opened(path: Path) -> Iterator[Any]:
             yield file
     except InputError:
         raise
-    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError, zlib.error) as error:
         raise InputError(
             f"the HDF5 file is damaged or cut short ({shown(str(error), 120)})", path
         ) from None
@@ -131,14 +132,6 @@ def numbers(data: Any, name: str, path: Path) -> NDArray[np.float64]:
     if data.dtype.kind not in "fiu":
         raise InputError(f"{shown(name, 60)} holds {data.dtype}, expected numbers", path)
     return np.asarray(data[()], dtype=np.float64)
-
-
-def said(attributes: Any, name: str) -> str:
-    """An attribute as text, "" where there is none or it is something else."""
-    value = attributes.get(name)
-    if isinstance(value, bytes):
-        value = value.decode("utf-8", "replace")
-    return value[:200] if isinstance(value, str) else ""
 
 
 def read_hdf5(path: Path) -> list[Raw]:

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from handtrack.errors import InputError, shown
-from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import UNUSED, joint_name, settle, without_hand, words
@@ -21,6 +20,7 @@ from handtrack.sequences.readers.fields import JOINT_COUNTS, PAIRS
 from handtrack.sequences.readers.mcap_json import message_stamps
 from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, stem
 from handtrack.sequences.readers.robot_messages import Marker, Message, Poses, Transform, Transforms
+from handtrack.sequences.readers.robot_messages import turn_of as _turn_of
 
 _FEWEST = 4
 _LISTS = (6, 7, 8)  # markers of cubes, spheres and points
@@ -238,7 +238,7 @@ def _marked(markers: tuple[Marker, ...], topic: str) -> dict[Hand | None, dict[s
         hand = _side(marker.space, marker.text, topic, marker.frame)
         places = found.setdefault(hand, {})
         if marker.kind in _LISTS and len(marker.points) in JOINT_COUNTS:
-            turn = quaternion_to_matrix(np.roll(marker.pose[3:], 1))
+            turn = _turn_of(marker.pose)
             turn = turn if np.isfinite(turn).all() else np.eye(3)
             at = marker.points @ turn.T + marker.pose[:3]
             places |= {str(i): p for i, p in enumerate(at)}
@@ -345,6 +345,5 @@ def _place(name: str, frames: dict[str, Transform], path: Path) -> Array:
         above = frames.get(at)
         if above is None:
             return place
-        turn = quaternion_to_matrix(np.roll(above.pose[3:], 1))
-        place, at = turn @ place + above.pose[:3], above.parent
+        place, at = _turn_of(above.pose) @ place + above.pose[:3], above.parent
     raise InputError(f"frame {shown(name, 40)} has more than {_DEEPEST} frames above it", path)

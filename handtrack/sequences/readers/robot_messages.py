@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.hand.rotations import quaternion_to_matrix
+
 Array = NDArray[np.float64]
 
 
@@ -74,3 +76,12 @@ class Transforms(NamedTuple):
 
 
 Message = Poses | Transforms
+
+
+def turn_of(pose: Array) -> Array:
+    """(3, 3) the rotation of a pose: x y z, then quaternion x y z w of any length; NaN where
+    that is none."""
+    largest = float(np.abs(pose[3:]).max())
+    if not 0 < largest < np.inf:
+        return np.full((3, 3), np.nan)
+    return quaternion_to_matrix(np.roll(pose[3:] / largest, 1))
