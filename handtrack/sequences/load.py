@@ -19,6 +19,7 @@ from handtrack.sequences.assemble import (
     unit_of,
     without_marks,
 )
+from handtrack.sequences.clips import clips_of
 from handtrack.sequences.hands import CHOICES, HandChoice, label_hands
 from handtrack.sequences.readers.chosen import read_chosen
 from handtrack.sequences.readers.companions import Companions, Pending, check_taken, resolved
@@ -119,7 +120,10 @@ def load(
         pending.extend(raw.pending for raw in raws if raw.pending is not None)
         raws = resolved(raws, beside)
         ready = [decoded(r, None if mano is None else Path(mano), mano_tips, choice) for r in raws]
-        return _finish(ready, given, choice, frames)
+        clips = clips_of(without_marks(ready))
+        if len(clips) == 1:
+            return _finish(clips[0], given, choice, frames)
+        return _of_clips(clips, given, choice, frames)
 
     with budget.limited(max_size):
         if where.is_dir():
@@ -181,11 +185,30 @@ def _check_frames(frames: tuple[int, int] | None) -> None:
         raise SettingsError(f"frames are {frames}, expected (first, last)")
 
 
+def _of_clips(
+    clips: list[list[Raw]], given: Given, choice: HandChoice, frames: tuple[int, int] | None
+) -> list[Sequence]:
+    """The sequences of each clip in which a hand is seen.
+
+    Raises:
+        InputError: as `_finish`; none is seen in any.
+    """
+    found: list[Sequence] = []
+    outside: NoFramesError | None = None
+    for raws in [c for c in clips if any(map(anything_seen, c))] or clips[:1]:
+        try:
+            found += _finish(raws, given, choice, frames)
+        except NoFramesError as error:
+            outside = error
+    if outside is not None and not found:
+        raise outside
+    return found
+
+
 def _finish(
     raws: list[Raw], given: Given, choice: HandChoice, frames: tuple[int, int] | None
 ) -> list[Sequence]:
     """The sequences of one source, checked, labelled and cut to the frames asked for."""
-    raws = without_marks(raws)
     seen = [raw for raw in raws if anything_seen(raw)] or raws[:1]
     sequences = [assemble(raw, given) for raw in seen]
     units = [unit_of(raw, given) for raw in seen]

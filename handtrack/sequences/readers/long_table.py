@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import Hand
+from handtrack.sequences.clips import runs
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.long_columns import LongColumns
@@ -63,7 +64,16 @@ def read_long(titles: list[str], long: LongColumns) -> list[Raw]:
     columns = other_columns(titles, long.all, path)
     label = label_column(table, columns)
     keys = _frame_keys(table, titles, columns, long)
-    groups = _grouped(table, titles, columns, label, long, keys)
+    at = _frame_of(keys)
+    labels = None if label is None else table.texts(label)
+    tracks = None if columns.number is None else table.texts(columns.number)
+    groups = _grouped_at_once(long, at, labels, tracks)
+    clips = runs(at) if groups is None else []
+    if clips:
+        return _of_clips(titles, long, clips)
+    if groups is None:
+        groups = _grouped(table, titles, long, at, labels, tracks)
+    groups.numbers = None if keys[1] is None else np.unique(keys[1])
     joints, confidence = _placed(table, titles, long, groups)
     small = replace(
         table,
@@ -142,27 +152,39 @@ def _counted(table: Table, long: LongColumns) -> NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(np.diff(codes) <= 0)]).astype(np.int64)
 
 
+def _of_clips(titles: list[str], long: LongColumns, clips: list[tuple[int, int]]) -> list[Raw]:
+    """The sequences of each clip of a table in which frames begin again."""
+    raws = []
+    for k, (a, b) in enumerate(clips, 1):
+        rows = replace(long.table, lines=long.table.lines[a:b], places=long.table.places[a:b])
+        for raw in read_long(titles, replace(long, table=rows, codes=long.codes[a:b])):
+            raws.append(replace(raw, name=f"{raw.name} clip {k}"))
+    note = (
+        f"frames begin again at line {long.table.places[clips[1][0]]}: cut into {len(clips)} clips"
+    )
+    raws[0].notes = (note, *raws[0].notes)
+    return raws
+
+
+def _frame_of(
+    keys: tuple[list[str] | NDArray[np.int64], NDArray[np.int64] | None],
+) -> NDArray[np.int64]:
+    """(rows,) each row's frame, as an index in order of numbers, or of first rows."""
+    given, numbers = keys
+    if numbers is not None:
+        return np.unique(numbers, return_inverse=True)[1].ravel()
+    return given if isinstance(given, np.ndarray) else np.asarray(_coded(given)[0])
+
+
 def _grouped(
     table: Table,
     titles: list[str],
-    columns: Columns,
-    label: int | None,
     long: LongColumns,
-    keys: tuple[list[str] | NDArray[np.int64], NDArray[np.int64] | None],
+    at: NDArray[np.int64],
+    labels: list[str] | None,
+    tracks: list[str] | None,
 ) -> _Groups:
-    given, numbers = keys
-    if numbers is not None:
-        at = np.unique(numbers, return_inverse=True)[1].ravel()
-    elif isinstance(given, np.ndarray):
-        at = given
-    else:
-        at = np.asarray(_coded(given)[0])
-    labels = None if label is None else table.texts(label)
-    tracks = None if columns.number is None else table.texts(columns.number)
-    plain = _grouped_at_once(long, at, labels, tracks)
-    if plain is not None:
-        plain.numbers = None if numbers is None else np.unique(numbers)
-        return plain
+    """The groups where a joint may stand twice in a frame, of two hands without names."""
     frame = at.tolist()
     labels, tracks = labels or [""] * len(frame), tracks or [""] * len(frame)
     begins: dict[int, int] = {}
@@ -192,7 +214,6 @@ def _grouped(
             groups.second.append(second)
         groups.of_row[i] = group
     groups.begins = [begins[k] for k in range(len(begins))]
-    groups.numbers = None if numbers is None else np.unique(numbers)
     return groups
 
 
