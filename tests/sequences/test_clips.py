@@ -81,7 +81,7 @@ def test_a_long_table_of_clips_is_cut(tmp_path, joined):
     text = "\n".join(["frame,joint,x,y,z", *(",".join(map(str, r)) for r in rows)])
     (tmp_path / "a.csv").write_text(text)
     found = ht.load(tmp_path / "a.csv", hand="right")
-    assert [s.name for s in found] == ["a clip 1", "a clip 2", "a clip 3"]
+    assert [s.name for s in found] == [f"a clip {k} right" for k in (1, 2, 3)]
     assert np.array_equal(found[2].joints, joined[24:])
     # the same rows joint by joint are one clip of 12 frames
     (tmp_path / "b.csv").write_text(

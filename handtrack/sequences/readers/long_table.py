@@ -13,6 +13,7 @@ from handtrack.errors import InputError
 from handtrack.hand.skeleton import Hand
 from handtrack.sequences.clips import runs
 from handtrack.sequences.clock import Stamps
+from handtrack.sequences.readers.empty_frames import between, filled
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.long_columns import LongColumns
 from handtrack.sequences.readers.pictures import flat, seen_in_picture
@@ -24,7 +25,6 @@ from handtrack.sequences.titles import is_frame_number
 
 _NEAR = 200
 """Two rows of one joint are of two hands where they stand so few lines apart."""
-_MOST_FILLED = 300
 _NUMBER = re.compile(r"\d{1,18}")
 
 
@@ -159,9 +159,8 @@ def _of_clips(titles: list[str], long: LongColumns, clips: list[tuple[int, int]]
         rows = replace(long.table, lines=long.table.lines[a:b], places=long.table.places[a:b])
         for raw in read_long(titles, replace(long, table=rows, codes=long.codes[a:b])):
             raws.append(replace(raw, name=f"{raw.name} clip {k}"))
-    note = (
-        f"frames begin again at line {long.table.places[clips[1][0]]}: cut into {len(clips)} clips"
-    )
+    line = long.table.places[clips[1][0]]
+    note = f"frames begin again at line {line}: cut into {len(clips)} clips"
     raws[0].notes = (note, *raws[0].notes)
     return raws
 
@@ -314,11 +313,11 @@ def _timed(
     if stamps is not None:
         stamps = stamps.take(frames)
     place = np.searchsorted(frames, at)
-    filled = numbers is not None and not alone and _filled(numbers, stamps)
-    if filled and numbers is not None:
+    fill = numbers is not None and not alone and filled(numbers, stamps)
+    if fill and numbers is not None:
         every = np.arange(numbers[0], numbers[-1] + 1)
         place = numbers[place] - numbers[0]
-        stamps = None if stamps is None else _between(stamps, numbers, every)
+        stamps = None if stamps is None else between(stamps, numbers, every)
         numbers = every
         n = len(every)
     length = len(frames) if numbers is None else len(numbers)
@@ -330,26 +329,3 @@ def _timed(
         confidence[place] = raw.confidence
     out = replace(raw, joints=joints, confidence=confidence, stamps=stamps, frame_index=numbers)
     return out if out.picture else seen_in_picture(out, normalised)
-
-
-def _filled(numbers: NDArray[np.int64], stamps: Stamps | None) -> bool:
-    """Whether numbers without rows are frames in which nothing was seen."""
-    steps = np.diff(numbers)
-    if not len(steps) or (steps == 1).mean() < 0.5 or steps.max() > _MOST_FILLED:
-        return False
-    few = numbers[-1] - numbers[0] <= 3 * len(numbers) + 100
-    return bool(few) and (stamps is None or isinstance(stamps.values, np.ndarray))
-
-
-def _between(stamps: Stamps, numbers: NDArray[np.int64], every: NDArray[np.int64]) -> Stamps:
-    """Times of all frames, of those without rows between their neighbours'."""
-    values = stamps.values
-    since = values - values[0]
-    between = np.interp(every, numbers, since.astype(np.float64))
-    if values.dtype.kind == "i":
-        full = np.round(between).astype(np.int64) + values[0]
-        full[numbers - numbers[0]] = values
-        return Stamps(full, stamps.name, stamps.unit)
-    full = between + values[0]
-    full[numbers - numbers[0]] = values
-    return Stamps(full, stamps.name, stamps.unit)
