@@ -51,7 +51,7 @@ _GROUPS = {
         "latex",
     ),
     "The viewer": (
-        *("connect", "no_view", "speed", "port", "no_open", "side_by_side", "offset"),
+        *("connect", "no_view", "speed", "port", "no_open", "side_by_side", "offset", "still"),
         *("live", "light", "theme", "skin", "overlay_skin"),
     ),
     "The figure": ("width_mm", "font_pt", "bands", "errors", "statuses", "dpi"),

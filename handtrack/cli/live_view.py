@@ -55,7 +55,7 @@ class _Viewer(Live):
 
     def __init__(self, connect: str | None, sequences: list[Sequence], mesh: bool) -> None:
         from handtrack.mcap.hand import hand_topics
-        from handtrack.viewer.blueprint import Seen
+        from handtrack.viewer.eye import Seen
         from handtrack.viewer.live_viewer import LiveViewer
 
         # of a viewer that was closed rerun would complain line by line

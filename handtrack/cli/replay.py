@@ -26,7 +26,11 @@ from handtrack.errors import SettingsError
 @connect_option
 @click.option("--speed", type=float, metavar="X", help="Send in recorded time, X times as fast.")
 @part_options
-@click.option("--side-by-side", is_flag=True, help="A 3D view for each file.")
+@click.option(
+    "--side-by-side/--together",
+    default=None,
+    help="3D views for each file, or all in one world; by default side by side, up to 3 files.",
+)
 @click.option(
     "--offset",
     type=float,
@@ -34,6 +38,8 @@ from handtrack.errors import SettingsError
     metavar="METRES",
     help="Move each file's hands so far to the right of the last one's.",
 )
+@click.option("--light", is_flag=True, help="Draw on a light ground.")
+@click.option("--still", is_flag=True, help="Leave the eye where it is, even if a hand goes far.")
 @click.option(
     "--limits",
     type=click.Choice(["anatomical", "li2021"]),
@@ -56,8 +62,10 @@ def replay(
     hand: str | None,
     start: float | None,
     end: float | None,
-    side_by_side: bool,
+    side_by_side: bool | None,
     offset: float,
+    light: bool,
+    still: bool,
     limits: str | None,
     mesh: bool | None,
     quiet: bool,
@@ -65,8 +73,8 @@ def replay(
     """Show recordings in Rerun: the hand, the observed joints, the angles and the errors.
 
     FILES are recordings written by `handtrack track`, or folders of them. Several are compared:
-    each has its own colour in one world (or side by side), angles share plots, and the
-    distance between their joints is plotted.
+    each has its own colour and 3D views (or all one world: --together), angles share plots, and
+    the distance between their joints is plotted.
     """
     if save is not None:
         if web:
@@ -101,6 +109,8 @@ def replay(
         limits=limits,
         side_by_side=side_by_side,
         offset_m=offset,
+        light=light,
+        still=still,
         say=say,
     )
     if save is not None and not quiet:

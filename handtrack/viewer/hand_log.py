@@ -1,21 +1,22 @@
-"""One hand in Rerun, sent as a whole or part by part: skin, skeletons, angles, errors, events."""
+"""One hand in Rerun, sent as a whole or part by part: skin, skeletons, marks and its plots."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.hand.limits import Limits
 from handtrack.hand.normals import VertexNormals
-from handtrack.hand.skeleton import ANGLE_JOINT, BONES, FINGERS, JOINT_NAMES
-from handtrack.tracking.events import log_lines
-from handtrack.tracking.track import Part, mean_and_max
+from handtrack.hand.skeleton import ANGLE_JOINT, BONES, JOINT_NAMES
+from handtrack.tracking.track import Part
 from handtrack.viewer import style
-from handtrack.viewer.blueprint import draws_states
-from handtrack.viewer.limit_marks import HELD, OUTSIDE, limit_marks
+from handtrack.viewer.eye import Eye, middles
+from handtrack.viewer.hand_plots import HandPlots
+from handtrack.viewer.limit_marks import HELD, limit_marks, rings
+from handtrack.viewer.look import Look
+from handtrack.viewer.scale import log_scale
+from handtrack.viewer.sending import ROWS, Sender, batches
 from handtrack.viewer.shown import Shown
 
 if TYPE_CHECKING:
@@ -25,19 +26,6 @@ Array = NDArray[np.float64]
 
 BATCH = 256
 """Frames whose skin is computed and sent at a time."""
-ROWS = 4096
-"""Rows of all else that are sent at a time: the viewer looks through few of them for a frame."""
-
-
-def indexes(frames: NDArray[np.int64], time_ns: NDArray[np.int64], origin: int | None) -> list[Any]:
-    """The time columns of frames (T,) at time_ns (T,): since the origin, or dates without one."""
-    import rerun as rr
-
-    if origin is None:
-        time = rr.TimeColumn("time", timestamp=time_ns.astype("datetime64[ns]"))
-    else:
-        time = rr.TimeColumn("time", duration=(time_ns - origin).astype("timedelta64[ns]"))
-    return [rr.TimeColumn("frame", sequence=frames), time]
 
 
 class HandLog:
@@ -50,8 +38,9 @@ class HandLog:
         hand: where in the recording, and in which colours; of its track only what does not
             change over time is looked at.
         origin: zero of the clock [ns]; None for dates.
-        mesh: send the skin, if there is one.
-        limits: the limits to draw and to hold the angles against; the model's by default.
+        look: how it is shown.
+        view: the eye, for the hand beside which axes and scale are drawn, and with which the
+            eye goes along.
     """
 
     def __init__(
@@ -59,12 +48,13 @@ class HandLog:
         recording: rr.RecordingStream,
         hand: Shown,
         origin: int | None,
-        mesh: bool = True,
-        limits: Limits | None = None,
+        look: Look | None = None,
+        view: Eye | None = None,
     ) -> None:
-        self._recording, self._hand, self._origin = recording, hand, origin
-        model = hand.track.model
-        self._limits = limits or model.limits
+        self.sender = Sender(recording, origin)
+        self._hand, self._look, self._view = hand, look or Look(), view
+        self._limits = self._look.limits or hand.track.model.limits
+        self._plots = HandPlots(self.sender, hand, self._limits, self._look.light)
         self._skeletons = [
             (style.OBSERVED, "observed"),
             (style.FITTED, "fitted_joints"),
@@ -72,61 +62,40 @@ class HandLog:
             *([(style.TRUTH, "truth")] if hand.track.truth is not None else []),
         ]
         self._normals: VertexNormals | None = None
-        if mesh and hand.track.n_vertices:
+        if self._look.mesh and hand.track.n_vertices:
             self._normals = VertexNormals(hand.track.faces, hand.track.n_vertices)
-        self._before = ("fitted", "")
-        self._had_rejected = self._had_turns = False
-        self._status = ""
+        self._had_rejected = self._began = False
 
     def begin(self) -> None:
         """Send what stays: triangles, colours, names."""
         import rerun as rr
 
         hand, track, world = self._hand, self._hand.track, f"world/{self._hand.topic}"
-        self._static(world, rr.AnnotationContext(self._descriptions()))
+        static = self.sender.static
+        static(world, rr.AnnotationContext(self._descriptions()))
         if any(hand.offset):
-            self._static(world, rr.Transform3D(translation=hand.offset))
+            static(world, rr.Transform3D(translation=hand.offset))
         for class_id, _ in self._skeletons:
             name, _, radius = style.SKELETONS[class_id]
             points = rr.Points3D.from_fields(class_ids=class_id, radii=radius, show_labels=False)
-            self._static(f"{world}/{name}", points)
-        marks = rr.Points3D.from_fields(radii=style.MARK_RADIUS, show_labels=False)
-        self._static(f"{world}/limits", marks)
+            static(f"{world}/{name}", points)
+        static(f"{world}/limits", rr.LineStrips3D.from_fields(radii=style.RING_WIDTH))
         rejected = rr.Points3D.from_fields(
             radii=style.REJECTED_RADIUS, colors=style.REJECTED, show_labels=False
         )
-        self._static(f"{world}/rejected", rejected)
+        static(f"{world}/rejected", rejected)
         if self._normals is not None:
-            colour = style.skin_colour(hand.number, hand.run)
+            colour = style.skin_colour(hand.number, hand.pale)
             mesh = rr.Mesh3D.from_fields(triangle_indices=track.faces, albedo_factor=colour)
-            self._static(f"{world}/skin", mesh)
-        for finger, name in enumerate(FINGERS):
-            entity = f"angles/{hand.topic}/{name}"
-            labels = style.angle_labels(finger)
-            colours = style.angle_colours(hand.run)
-            wide = {"angles": (255, style.FILTERED_WIDTH), "limits": (style.LIMIT_ALPHA, 1.0)}
-            if track.filtered:
-                wide["raw"] = (style.RAW_ALPHA, style.RAW_WIDTH)
-            for kind, (alpha, width) in wide.items():
-                lines = rr.SeriesLines(
-                    colors=[(*colour[:3], alpha) for colour in colours] * (1 + (kind == "limits")),
-                    widths=[width] * (4 + 4 * (kind == "limits")),
-                    # what shares a name shares its entry in the legend
-                    names=labels * (1 + (kind == "limits")),
-                )
-                self._static(f"{entity}/{kind}", lines)
-        shown = style.ERRORS[: 2 + (track.truth is not None)]
-        lines = rr.SeriesLines(
-            colors=[colour for _, colour in shown],
-            widths=[1.5] * len(shown),
-            names=[name for name, _ in shown],
-        )
-        self._static(f"errors/{hand.topic}", lines)
-        if draws_states():
-            states = rr.StateConfiguration(
-                values=list(style.STATUS_COLOURS), colors=list(style.STATUS_COLOURS.values())
-            )
-            self._static(f"status/{hand.topic}", states)
+            static(f"{world}/skin", mesh)
+        if self._view is not None:
+            along = self._view.goes_along
+            if along:  # an eye goes along only with what is there to be seen
+                colour = (*style.ground(self._look.light).world, 0)
+                static(f"{world}/middle", rr.Points3D([[0, 0, 0]], radii=1e-5, colors=colour))
+            entity = f"{world}/middle/scale" if along else f"{world}/scale"
+            log_scale(self.sender.recording, entity, self._view, self._look.light)
+        self._plots.begin()
 
     def add(self, part: Part) -> None:
         """Send the next frames."""
@@ -135,32 +104,20 @@ class HandLog:
         for class_id, attribute in self._skeletons:
             self._skeleton(part, class_id, getattr(part, attribute))
         self._rejected(part)
-        self._angles(part)
-        self._marks(part)
-        self._errors(part)
-        self._turns(part)
-        self._states(part)
-        self._lines(part)
+        marks = limit_marks(self._limits, part.angles)
+        self._marks(part, marks)
+        self._plots.add(part, marks)
+        if self._view is not None and self._view.goes_along:
+            self._middle(part)
         if self._normals is not None:
             self._skin(part, self._normals)
-
-    def scalars(self, entity: str, part: Part, values: Array, rows: NDArray[np.int64]) -> None:
-        """Send values (n, k) of the part's frames `rows` (n,) to plot."""
-        for some in batches(len(rows), ROWS):
-            self._send(part, entity, _scalars(values[some]), rows[some])
-
-    def _static(self, entity: str, archetype: Any) -> None:
-        self._recording.log(entity, archetype, static=True)
-
-    def _send(self, part: Part, entity: str, columns: Any, rows: Any = slice(None)) -> None:
-        """Columns of the part's frames `rows`."""
-        times = indexes(part.frame_index[rows], part.time_ns[rows], self._origin)
-        self._recording.send_columns(entity, times, columns)
 
     def _descriptions(self) -> list[Any]:
         """What the skeletons are called, their colours and bones."""
         import rerun as rr
 
+        # in views of its own a run needs no colours of its own: the key tells them
+        run = 0 if self._look.apart else self._hand.run
         return [
             rr.ClassDescription(
                 info=rr.AnnotationInfo(id=id_, label=label, color=colour),
@@ -170,8 +127,21 @@ class HandLog:
                 ],
                 keypoint_connections=BONES,
             )
-            for id_, (label, colour, _) in style.skeletons(self._hand.run).items()
+            for id_, (label, colour, _) in style.skeletons(run, self._look.light).items()
         ]
+
+    def _middle(self, part: Part) -> None:
+        """Where the hand is, for the eye that goes along; it waits while the hand is lost."""
+        import rerun as rr
+
+        places = middles(part.filtered_joints)
+        if not self._began and not np.isfinite(places[0]).all():
+            places[0] = self._view.target if self._view else 0.0  # until the hand is there
+        self._began = True
+        found = np.flatnonzero(np.isfinite(places).all(1))
+        for some in batches(len(found), ROWS):
+            columns = rr.Transform3D.columns(translation=places[found[some]].astype(np.float32))
+            self.sender.send(part, f"world/{self._hand.topic}/middle", columns, found[some])
 
     def _skin(self, part: Part, normals: VertexNormals) -> None:
         """The skin of the filtered pose, with normals; nothing where there is no pose."""
@@ -191,7 +161,9 @@ class HandLog:
                 vertex_normals=normals(vertices).reshape(-1, 3),
             )
             counts = known * part.n_vertices
-            self._send(part, f"world/{self._hand.topic}/skin", columns.partition(counts), rows)
+            self.sender.send(
+                part, f"world/{self._hand.topic}/skin", columns.partition(counts), rows
+            )
 
     def _skeleton(self, part: Part, class_id: int, joints: Array) -> None:
         """Only joints that are there, so that a missing one takes its bones with it."""
@@ -204,7 +176,7 @@ class HandLog:
                 positions=joints[rows][present].astype(np.float32),
                 keypoint_ids=np.nonzero(present)[1],
             )
-            self._send(part, entity, columns.partition(present.sum(1)), rows)
+            self.sender.send(part, entity, columns.partition(present.sum(1)), rows)
 
     def _rejected(self, part: Part) -> None:
         """The observed joints that were not used, where there are some or were just before."""
@@ -218,126 +190,20 @@ class HandLog:
             at = found[some]
             positions = part.observed[at][part.rejected[at]].astype(np.float32)
             columns = rr.Points3D.columns(positions=positions)
-            self._send(part, entity, columns.partition(counts[at]), at)
+            self.sender.send(part, entity, columns.partition(counts[at]), at)
 
-    def _marks(self, part: Part) -> None:
-        """The joints that a limit holds, and those that are outside."""
+    def _marks(self, part: Part, marks: NDArray[np.uint8]) -> None:
+        """Rings about the joints that a limit holds, and about those that are outside."""
         import rerun as rr
 
-        topic = self._hand.topic
-        marks = limit_marks(self._limits, part.angles)
+        entity = f"world/{self._hand.topic}/limits"
         for rows in batches(len(part), ROWS):
             joints = np.zeros((len(marks[rows]), len(JOINT_NAMES)), np.uint8)
             joints[:, ANGLE_JOINT] = marks[rows]  # the two of a saddle are equal
             marked = (joints >= HELD) & np.isfinite(part.filtered_joints[rows]).all(-1)
-            columns = rr.Points3D.columns(
-                positions=part.filtered_joints[rows][marked].astype(np.float32),
-                colors=style.MARKS[joints[marked] - HELD],
+            frame, joint = np.nonzero(marked)
+            strips = rings(part.filtered_joints[rows][frame], joint).astype(np.float32)
+            columns = rr.LineStrips3D.columns(
+                strips=strips, colors=style.MARKS[joints[marked] - HELD]
             )
-            self._send(part, f"world/{topic}/limits", columns.partition(marked.sum(1)), rows)
-        for finger, name in enumerate(FINGERS):
-            of_finger = slice(4 * finger, 4 * finger + 4)
-            outside = marks[:, of_finger] == OUTSIDE
-            found = np.flatnonzero(outside.any(1))
-            if found.size:
-                entity = f"angles/{topic}/{name}/outside"
-                self._static(
-                    entity,
-                    rr.SeriesPoints(
-                        colors=[style.OUTSIDE] * 4, marker_sizes=[2.5] * 4, names=["outside"] * 4
-                    ),
-                )
-                degrees = np.rad2deg(part.angles[found, of_finger])
-                values = np.where(outside[found], degrees, np.nan)
-                self.scalars(entity, part, values, found)
-
-    def _angles(self, part: Part) -> None:
-        """The angles of each finger [deg], as fitted and after the filter, and their limits."""
-        kinds = [("angles", part.angles)]
-        if part.filtered:
-            kinds.append(("raw", part.angles_raw))
-        ends = np.unique([0, len(part) - 1])
-        for finger, name in enumerate(FINGERS):
-            entity = f"angles/{self._hand.topic}/{name}"
-            of_finger = slice(4 * finger, 4 * finger + 4)
-            for kind, angles in kinds:
-                for rows in batches(len(part), ROWS):
-                    degrees = np.rad2deg(angles[rows, of_finger])
-                    self._send(part, f"{entity}/{kind}", _scalars(degrees), rows)
-            limits = np.r_[self._limits.lower[of_finger], self._limits.upper[of_finger]]
-            bounds = np.tile(np.rad2deg(limits), (len(ends), 1))
-            self._send(part, f"{entity}/limits", _scalars(bounds), ends)
-
-    def _errors(self, part: Part) -> None:
-        """Distances of the joints [mm]: fitted to observed, as far as used; filtered to true."""
-        values = list(mean_and_max(np.where(part.rejected, np.nan, part.error)))
-        if part.truth is not None:
-            distance = np.linalg.norm(part.filtered_joints - part.truth, axis=-1)
-            values.append(mean_and_max(distance)[0])
-        millimetres = 1e3 * np.stack(values, 1)
-        for rows in batches(len(part), ROWS):
-            self._send(part, f"errors/{self._hand.topic}", _scalars(millimetres[rows]), rows)
-
-    def _turns(self, part: Part) -> None:
-        """Where the hand was no longer fitted, and where found, as points among the angles."""
-        import rerun as rr
-
-        fitted = part.status == "fitted"
-        before = np.r_[self._status in ("", "fitted"), fitted[:-1]]
-        turns = np.stack([before & ~fitted, (fitted & ~before) | part.restart], 1)
-        found = np.flatnonzero(turns.any(1))
-        if not found.size:
-            return
-        values = np.where(turns[found], 0.0, np.nan)
-        for finger in FINGERS:
-            entity = f"angles/{self._hand.topic}/{finger}/events"
-            if not self._had_turns:
-                points = rr.SeriesPoints(
-                    colors=[style.STATUS_COLOURS["lost"], style.STATUS_COLOURS["fitted"]],
-                    marker_sizes=[style.TURN_SIZE] * 2,
-                    names=["gone", "found"],
-                )
-                self._static(entity, points)
-            self.scalars(entity, part, values, found)
-        self._had_turns = True
-
-    def _states(self, part: Part) -> None:
-        """Where the status changes."""
-        import rerun as rr
-
-        status = part.status
-        rows = np.flatnonzero(np.r_[status[:1] != self._status, status[1:] != status[:-1]])
-        self._status = str(status[-1])
-        if rows.size and draws_states():
-            columns = rr.StateChange.columns(state=status[rows].tolist())
-            self._send(part, f"status/{self._hand.topic}", columns, rows)
-
-    def _lines(self, part: Part) -> None:
-        """The events, and changes of status, as lines of a log."""
-        import rerun as rr
-
-        lines = log_lines(part, self._before)
-        self._before = (str(part.status[-1]), str(part.reason[-1]))
-        if not lines:
-            return
-        time_ns = np.array([line.time_ns for line in lines], np.int64)
-        # an event has only a time: its frame is the last one before it
-        row = np.clip(np.searchsorted(part.time_ns, time_ns, "right") - 1, 0, None)
-        levels = ["WARN" if line.level == "warning" else "INFO" for line in lines]
-        columns = rr.TextLog.columns(text=[line.text for line in lines], level=levels)
-        times = indexes(part.frame_index[row], time_ns, self._origin)
-        self._recording.send_columns(f"log/{self._hand.topic}", times, columns)
-
-
-def batches(frames: int, size: int) -> Iterator[slice]:
-    """Slices of at most `size` that make up all frames."""
-    for start in range(0, frames, size):
-        yield slice(start, min(start + size, frames))
-
-
-def _scalars(values: Array) -> Any:
-    """Columns of rows (T, n)."""
-    import rerun as rr
-
-    columns = rr.Scalars.columns(scalars=values.ravel())
-    return columns.partition(np.full(len(values), values.shape[1]))
+            self.sender.send(part, entity, columns.partition(marked.sum(1)), rows)

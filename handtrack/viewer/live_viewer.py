@@ -13,14 +13,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from handtrack.errors import HandtrackError, SettingsError
-from handtrack.hand.limits import Limits
 from handtrack.mcap.hand import Head
 from handtrack.recording.parts import rows
 from handtrack.tracking.track import Part
-from handtrack.viewer.blueprint import Seen, blueprint, eye
+from handtrack.viewer.blueprint import Placed, blueprint, placed
+from handtrack.viewer.eye import Seen, eye
 from handtrack.viewer.hand_log import HandLog
+from handtrack.viewer.key import log_key
+from handtrack.viewer.look import Look
 from handtrack.viewer.process import answers, free_port, grpc_address, viewer, wait_for
-from handtrack.viewer.rerun_log import APPLICATION
+from handtrack.viewer.rerun_log import APPLICATION, logs_of
 from handtrack.viewer.shown import Shown, origin_ns
 from handtrack.viewer.streams import forget_recordings, send_blueprint
 
@@ -91,7 +93,9 @@ class LiveViewer:
             None opens a window, which stays open until the block ends.
         mesh: show the skin.
         seen: joints that will come, as far as they are known: the viewer looks so that they
-            are in view.
+            are in view. Otherwise the eye goes along with the hand.
+        light: draw on a light ground.
+        pictures: names of cameras whose pictures will come.
 
     Raises:
         SettingsError: `connect` is no address.
@@ -99,14 +103,22 @@ class LiveViewer:
     """
 
     def __init__(
-        self, connect: str | None = None, *, mesh: bool = True, seen: Sequence[Seen] = ()
+        self,
+        connect: str | None = None,
+        *,
+        mesh: bool = True,
+        seen: Sequence[Seen] = (),
+        light: bool = False,
+        pictures: Sequence[str] = (),
     ) -> None:
-        self._connect, self._mesh, self._seen = connect, mesh, seen
+        self._connect, self._seen, self._pictures = connect, seen, pictures
+        self._look = Look(mesh=mesh, light=light)
         self._stack = ExitStack()
         self._process: subprocess.Popen[bytes] | None = None
         self._recording: rr.RecordingStream | None = None
         self._hands: dict[str, HandLog] = {}
         self._shown: list[Shown] = []
+        self._last: dict[str, Part] = {}
         self._waiting: dict[str, list[tuple[TrackedFrame, Tracker, int]]] = {}
         self._counts: dict[str, int] = {}
         self._sent = -math.inf
@@ -170,13 +182,29 @@ class LiveViewer:
             shown = Shown(part, name, number=len(self._shown))
             self._shown.append(shown)
             # all hands on the clock of the first
-            origin = origin_ns([self._shown[0].track])
-            view = eye(self._seen) if self._seen else eye([Seen.of(part)]).farther(2.0)
-            arranged = blueprint(self._shown, follow=True, view=view, mesh=self._mesh)
+            self._origin = origin_ns([self._shown[0].track])
+            at = self._placed(part)
+            arranged = blueprint(
+                self._shown, self._look, follow=True, at=at, pictures=self._pictures
+            )
             send_blueprint(self._recording, arranged)
-            self._hands[name] = HandLog(self._recording, shown, origin, self._mesh)
-            self._hands[name].begin()
+            log_key(self._recording, self._shown, self._look.light)
+            view = None if self._hands else at.view
+            log = HandLog(self._recording, shown, self._origin, self._look, view)
+            self._hands[name] = log
+            log.begin()
+        self._last[name] = part
         self._hands[name].add(part)
+
+    def _placed(self, part: Part) -> Placed:
+        """Where the eye is: it sees what will come, if that is known, with room if it is not."""
+        if self._seen:
+            return placed(self._shown, self._look, bool(self._pictures), seen=self._seen)
+        seen = [Seen.of(hand) for hand in [*self._last.values(), part]]
+        alone = len(seen) == 1
+        return Placed(
+            eye(seen, aspect=0.5, still=not alone, along=alone).farther(1.25 if alone else 1.6)
+        )
 
     def wait(self) -> None:
         """Until the window is closed, or Ctrl-C; at once where the viewer is somebody else's."""
@@ -193,9 +221,9 @@ def stream(
     recording: rr.RecordingStream,
     hands: Sequence[Shown],
     speed: float,
+    look: Look | None = None,
     *,
-    mesh: bool = True,
-    limits: Limits | None = None,
+    at: Placed | None = None,
     going_on: Callable[[], bool] = lambda: True,
 ) -> None:
     """Send hands in the time in which they were recorded, or so many times as fast.
@@ -206,7 +234,8 @@ def stream(
         recording: where to.
         hands: what to send.
         speed: 1 for recorded time, 2 for twice as fast.
-        mesh, limits: as in `HandLog`.
+        look: how.
+        at: where the eye is, as the blueprint that was sent has it.
         going_on: False ends it.
 
     Raises:
@@ -215,9 +244,9 @@ def stream(
     if not 0 < speed < np.inf:
         raise SettingsError(f"the speed is {speed:g}, expected more than 0")
     origin = origin_ns([hand.track for hand in hands])
-    logs = [HandLog(recording, hand, origin, mesh, limits) for hand in hands]
-    for log in logs:
-        log.begin()
+    logs = [
+        log for log, _ in logs_of(recording, hands, look, (at or placed(hands, look)).view, origin)
+    ]
     known = [hand.track.time_ns for hand in hands if len(hand.track)]
     if not known:
         return

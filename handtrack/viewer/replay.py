@@ -11,8 +11,10 @@ from pathlib import Path
 from handtrack.errors import HandtrackError, SettingsError
 from handtrack.hand.limits import Limits, preset
 from handtrack.recording.read import read_part
-from handtrack.viewer.blueprint import Seen, blueprint, eye
+from handtrack.viewer.blueprint import blueprint, placed
+from handtrack.viewer.eye import Seen, eye
 from handtrack.viewer.live_viewer import DEFAULT_ADDRESS, connected, stream
+from handtrack.viewer.look import Look
 from handtrack.viewer.process import (
     free_port,
     grpc_address,
@@ -29,6 +31,9 @@ from handtrack.viewer.streams import send_blueprint
 MOST_SKINS = 20_000
 """More frames are shown without the skin, unless it is asked for: a viewer needs 56 kB for each."""
 
+MOST_APART = 3
+"""More files than that are shown in one world: their views would be too small."""
+
 
 def replay(
     paths: str | Path | Sequence[str | Path],
@@ -44,8 +49,10 @@ def replay(
     end_s: float | None = None,
     mesh: bool | None = None,
     limits: Limits | str | None = None,
-    side_by_side: bool = False,
+    side_by_side: bool | None = None,
     offset_m: float = 0.0,
+    light: bool = False,
+    still: bool = False,
     say: Callable[[str], None] = print,
 ) -> Path | None:
     """Show what MCAP files hold.
@@ -54,7 +61,7 @@ def replay(
     address but 127.0.0.1. Without `save` and `connect` this returns when the viewer is closed
     or, for the browser, on Ctrl-C.
 
-    Several files are shown over one another, each in its own colour, the first run's hands
+    Several files are shown side by side, each in its own colour, the first run's hands
     compared with those of the others: angles in the same plots, distances between the joints.
     Those that do not overlap in time start together.
 
@@ -72,8 +79,11 @@ def replay(
         mesh: draw the skin; by default up to `MOST_SKINS` frames.
         limits: limits to draw and to hold the angles against, by name or as such; those that
             the hand was fitted with by default.
-        side_by_side: a 3D view for each file.
-        offset_m: move each file's hands so far to the right of those before [m].
+        side_by_side: 3D views for each file, or all files in one world, later ones seen
+            through; by default side by side, up to `MOST_APART` files.
+        offset_m: move each file's hands so far to the right of those before [m], in one world.
+        light: draw on a light ground.
+        still: the eye stays where it is; otherwise it goes along with a hand that goes far.
         say: is told, with `web`, the address once it answers, and what else matters.
 
     Returns:
@@ -101,15 +111,18 @@ def replay(
     runs, moved = on_one_clock(runs)
     if moved:
         say("the recordings do not overlap in time: they are shown as if they began together")
-    hands = _offset(shown(runs), offset_m)
+    if side_by_side is None:
+        side_by_side = not offset_m and len(runs) <= MOST_APART
+    hands = _offset(shown(runs), offset_m, through=not side_by_side)
     frames = sum(len(h.track) for h in hands)
     if mesh is None:
         mesh = frames <= MOST_SKINS
         if not mesh and any(h.track.n_vertices for h in hands):
             say(f"{frames:,} frames are shown without the skin; --mesh draws it")
+    look = Look(mesh, limits, light, side_by_side, still)
     if save is not None:
-        return save_hands(hands, Path(save), mesh=mesh, limits=limits, side_by_side=side_by_side)
-    show = _Show(hands, mesh, limits, side_by_side, speed)
+        return save_hands(hands, Path(save), look)
+    show = _Show(hands, look, speed)
     with sigterm_as_exit():
         try:
             if connect is not None:
@@ -124,10 +137,10 @@ def replay(
     return None
 
 
-def _offset(hands: list[Shown], offset_m: float) -> list[Shown]:
-    """Each run's hands so far to the right of those of the run before."""
+def _offset(hands: list[Shown], offset_m: float, through: bool) -> list[Shown]:
+    """Each run's hands so far to the right of those of the run before, or over them."""
     if not offset_m:
-        return hands
+        return [hand._replace(pale=through and hand.run > 0) for hand in hands]
     right = eye([Seen.of(hand.track) for hand in hands if hand.run == 0]).right
     return [hand._replace(offset=tuple((offset_m * hand.run * right).tolist())) for hand in hands]
 
@@ -135,40 +148,28 @@ def _offset(hands: list[Shown], offset_m: float) -> list[Shown]:
 class _Show:
     """What is shown, and how."""
 
-    def __init__(
-        self,
-        hands: list[Shown],
-        mesh: bool,
-        limits: Limits | None,
-        side_by_side: bool,
-        speed: float | None,
-    ) -> None:
-        self.hands, self._mesh, self._limits = hands, mesh, limits
-        self._side_by_side, self.speed = side_by_side, speed
+    def __init__(self, hands: list[Shown], look: Look, speed: float | None) -> None:
+        self.hands, self._look, self.speed = hands, look, speed
 
     def save(self, path: Path) -> None:
         """Into a file."""
-        save_hands(
-            self.hands, path, mesh=self._mesh, limits=self._limits, side_by_side=self._side_by_side
-        )
+        save_hands(self.hands, path, self._look)
 
     def send(self, address: str, process: subprocess.Popen[bytes] | None = None) -> None:
         """To a viewer, as long as its process runs, if that is known."""
-        follow = self.speed is not None
-        arranged = blueprint(
-            self.hands, side_by_side=self._side_by_side, follow=follow, mesh=self._mesh
-        )
+        at = placed(self.hands, self._look)
+        arranged = blueprint(self.hands, self._look, follow=self.speed is not None, at=at)
         with connected(address, process) as recording:
             send_blueprint(recording, arranged)
             if self.speed is None:
-                log_hands(recording, self.hands, mesh=self._mesh, limits=self._limits)
+                log_hands(recording, self.hands, self._look, at=at)
             else:
                 stream(
                     recording,
                     self.hands,
                     self.speed,
-                    mesh=self._mesh,
-                    limits=self._limits,
+                    self._look,
+                    at=at,
                     going_on=lambda: process is None or process.poll() is None,
                 )
 

@@ -14,14 +14,18 @@ import numpy as np
 
 from handtrack.errors import SettingsError
 from handtrack.files.whole import whole_file
-from handtrack.hand.limits import Limits
 from handtrack.tracking.track import Track, mean_and_max
 from handtrack.viewer import style
-from handtrack.viewer.blueprint import blueprint, writes_footers
-from handtrack.viewer.hand_log import HandLog, indexes
+from handtrack.viewer.blueprint import Placed, blueprint, placed
+from handtrack.viewer.eye import Eye
+from handtrack.viewer.hand_log import HandLog
+from handtrack.viewer.key import log_key
+from handtrack.viewer.look import Look
 from handtrack.viewer.picture_log import PictureView, log_pictures
+from handtrack.viewer.sending import indexes
 from handtrack.viewer.shown import Run, Shown, counterpart, origin_ns, shown
 from handtrack.viewer.streams import forget_recordings, save_to, send_blueprint
+from handtrack.viewer.versions import writes_footers
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -36,6 +40,7 @@ def log_rerun(
     recording: rr.RecordingStream | None = None,
     save: str | Path | None = None,
     mesh: bool = True,
+    light: bool = False,
     pictures: Sequence[PictureView] = (),
 ) -> Path | None:
     """Show tracks in Rerun, or save them as an .rrd file that opens well arranged.
@@ -50,6 +55,7 @@ def log_rerun(
         recording: where to log; Rerun's active recording if neither this nor `save` is given.
         save: an .rrd file to write instead; it takes its name only once it is complete.
         mesh: draw the skin, where the model has one.
+        light: draw on a light ground.
         pictures: what cameras saw, shown beside the hands.
 
     Returns:
@@ -65,16 +71,18 @@ def log_rerun(
     tracks = [tracks] if isinstance(tracks, Track) else list(tracks)
     if not tracks:
         raise SettingsError("there is no track to show")
-    hands = shown([Run("", tracks)])
+    hands, look = shown([Run("", tracks)]), Look(mesh=mesh, light=light)
     if save is not None:
         if recording is not None:
             raise SettingsError("give a recording or a file to save, not both")
-        return save_hands(hands, Path(save), mesh=mesh, pictures=pictures)
+        return save_hands(hands, Path(save), look, pictures)
     recording = recording or rr.get_data_recording()
     if recording is None:
         raise SettingsError("no Rerun recording is active: give one, or a file to save")
-    send_blueprint(recording, blueprint(hands, pictures=[v.name for v in pictures], mesh=mesh))
-    log_hands(recording, hands, mesh=mesh, pictures=pictures)
+    at = placed(hands, look, bool(pictures))
+    names = [picture.name for picture in pictures]
+    send_blueprint(recording, blueprint(hands, look, at=at, pictures=names))
+    log_hands(recording, hands, look, pictures, at=at)
     recording.flush()
     return None
 
@@ -82,17 +90,14 @@ def log_rerun(
 def save_hands(
     hands: Sequence[Shown],
     path: Path,
-    *,
-    mesh: bool = True,
-    limits: Limits | None = None,
-    side_by_side: bool = False,
+    look: Look | None = None,
     pictures: Sequence[PictureView] = (),
 ) -> Path:
     """Write hands to an .rrd file; arguments and errors as of `log_rerun` and `blueprint`."""
-    names = [view.name for view in pictures]
-    arranged = blueprint(hands, side_by_side=side_by_side, pictures=names, mesh=mesh)
+    at = placed(hands, look, bool(pictures))
+    arranged = blueprint(hands, look, at=at, pictures=[view.name for view in pictures])
     with whole_file(path) as part, rrd_file(part, APPLICATION, arranged) as file:
-        log_hands(file, hands, mesh=mesh, limits=limits, pictures=pictures)
+        log_hands(file, hands, look, pictures, at=at)
     del file
     forget_recordings()
     return path
@@ -101,23 +106,46 @@ def save_hands(
 def log_hands(
     recording: rr.RecordingStream,
     hands: Sequence[Shown],
-    *,
-    mesh: bool = True,
-    limits: Limits | None = None,
+    look: Look | None = None,
     pictures: Sequence[PictureView] = (),
+    *,
+    at: Placed | None = None,
 ) -> None:
-    """Send hands whole, and how far those of later runs are from those of the first."""
+    """Send hands whole, and how far those of later runs are from those of the first.
+
+    Args:
+        recording: where to.
+        hands, look, pictures: as of `blueprint`.
+        at: where the eye is, as the blueprint that was sent has it.
+    """
     origin = origin_ns([hand.track for hand in hands])
+    at = at or placed(hands, look, bool(pictures))
     log_pictures(recording, pictures, lambda frame, time: indexes(frame, time, origin))
-    for hand in hands:
-        log = HandLog(recording, hand, origin, mesh, limits)
-        log.begin()
+    for log, hand in logs_of(recording, hands, look, at.view, origin):
         log.add(hand.track)
         if (first := counterpart(hand, hands)) is not None:
-            _difference(recording, log, hand, first)
+            _difference(log, hand, first, (look or Look()).light)
 
 
-def _difference(recording: rr.RecordingStream, log: HandLog, hand: Shown, first: Shown) -> None:
+def logs_of(
+    recording: rr.RecordingStream,
+    hands: Sequence[Shown],
+    look: Look | None,
+    view: Eye,
+    origin: int | None,
+) -> list[tuple[HandLog, Shown]]:
+    """What sends each hand, after what stays was sent; the first of each run has the scale."""
+    log_key(recording, hands, (look or Look()).light)
+    found = []
+    for i, hand in enumerate(hands):
+        first = not any(other.run == hand.run for other in hands[:i])
+        log = HandLog(recording, hand, origin, look, view if first else None)
+        log.begin()
+        found.append((log, hand))
+    return found
+
+
+def _difference(log: HandLog, hand: Shown, first: Shown, light: bool) -> None:
     """Distance of the filtered joints to those of another run at the same times [mm]."""
     import rerun as rr
 
@@ -126,15 +154,15 @@ def _difference(recording: rr.RecordingStream, log: HandLog, hand: Shown, first:
         return
     joints = hand.track.filtered_joints[at], first.track.filtered_joints[there]
     values = 1e3 * np.stack(mean_and_max(np.linalg.norm(joints[0] - joints[1], axis=-1)), 1)
-    colour = style.run_colour(hand.run)
+    colour = style.toned(style.run_colour(hand.run), light)
     lines = rr.SeriesLines(
         colors=[colour, (*colour[:3], style.RAW_ALPHA)],
         widths=[1.8, 1.0],
         names=[f"{kind}, {hand.run_name} to {first.run_name}" for kind in ("mean", "max")],
     )
     entity = f"difference/{hand.topic}"
-    recording.log(entity, lines, static=True)
-    log.scalars(entity, hand.track, values, at)
+    log.sender.static(entity, lines)
+    log.sender.scalars(entity, hand.track, values, at)
 
 
 _FOOTER = b"RRF2FOOT"  # 12 bytes before the end of a complete file

@@ -35,6 +35,7 @@ class Shown(NamedTuple):
         run_name: name of its recording; "" where there is only one.
         number: number of the hand over all recordings.
         offset: (3,) by which it is moved in the world [m].
+        pale: its skin is seen through, as it lies over another's.
     """
 
     track: Part
@@ -43,6 +44,7 @@ class Shown(NamedTuple):
     run_name: str = ""
     number: int = 0
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    pale: bool = False
 
 
 def shown(runs: Sequence[Run]) -> list[Shown]:

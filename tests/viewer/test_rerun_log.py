@@ -21,8 +21,9 @@ from handtrack.errors import HandtrackError, InputError, SettingsError
 from handtrack.hand.normals import VertexNormals
 from handtrack.hand.skeleton import FINGERS
 from handtrack.tracking.track import Track
-from handtrack.viewer.blueprint import Seen, eye
-from handtrack.viewer.hand_log import BATCH, HandLog
+from handtrack.viewer.eye import Seen, eye
+from handtrack.viewer.hand_log import BATCH
+from handtrack.viewer.hand_plots import HandPlots
 from handtrack.viewer.rerun_log import log_rerun
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -45,6 +46,9 @@ def test_entities(found: dict[str, Any]) -> None:
         for f in FINGERS
         for kind in ("raw", "angles", "limits", "events")
     }
+    expected |= {f"/world/right/scale/{n}" for n in ("axes", "bar", "names")}
+    expected |= {f"/key/dots/{n}" for n in ("names", "dots", "rings")}
+    expected |= {f"/key/lines/{n}" for n in ("names", "dots", "lines")}
     expected |= {"/world/right", "/errors/right", "/status/right", "/log/right"}
     assert set(found) - {"/__properties"} == expected
 
@@ -211,7 +215,8 @@ def test_long_recordings_are_sent_in_small_pieces(
 ) -> None:
     """A viewer looks through whole pieces, and shows a frame the sooner the smaller they are."""
     whole = log_rerun(track, save=tmp_path / "whole.rrd", mesh=False)
-    monkeypatch.setattr("handtrack.viewer.hand_log.ROWS", 16)
+    for module in ("hand_log", "sending"):
+        monkeypatch.setattr(f"handtrack.viewer.{module}.ROWS", 16)
     pieces = log_rerun(track, save=tmp_path / "pieces.rrd", mesh=False)
     assert whole is not None
     assert pieces is not None
@@ -292,7 +297,7 @@ def test_failure_in_the_middle_leaves_nothing(
     def fails(*_: object) -> None:
         raise OSError(5, "Input/output error")
 
-    monkeypatch.setattr(HandLog, "_errors", fails)
+    monkeypatch.setattr(HandPlots, "_errors", fails)
     with pytest.raises(HandtrackError, match="Input/output error"):
         log_rerun(track, save=tmp_path / "x.rrd")
     assert list(tmp_path.iterdir()) == []
@@ -330,7 +335,7 @@ def test_the_eye_sees_the_back_of_the_hand_with_fingers_up(hand: str) -> None:
     track = make_track(2, hand, lost=slice(0, 0))
     rest = np.stack([track.model.rest_joints @ turn.T + [3.0, -2, 1]] * 2)
     track = dataclasses.replace(track, fitted_joints=rest, observed=rest)
-    position, target, up = (np.array(v) for v in eye([Seen.of(track)]))
+    position, target, up = (np.array(v) for v in eye([Seen.of(track)])[:3])
     back = turn @ [0.0, 0, 1]
     fingers = turn @ [1.0, 0, 0]
     assert up @ fingers > 0.95
@@ -342,4 +347,5 @@ def test_the_eye_sees_the_back_of_the_hand_with_fingers_up(hand: str) -> None:
 
 def test_the_eye_of_nothing_is_somewhere() -> None:
     lost = make_track(4, lost=slice(0, 4))
-    assert np.isfinite(np.array(eye([Seen.of(lost)]))).all()
+    for found in (eye([Seen.of(lost)]), eye([Seen.of(lost)], along=True)):
+        assert np.isfinite(np.array(found[:3])).all()

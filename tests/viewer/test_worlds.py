@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,11 @@ import pytest
 from recording_checks import rrd_columns
 
 from handtrack.tracking.track import Track
-from handtrack.viewer.blueprint import Seen, blueprint, eye
+from handtrack.viewer import style
+from handtrack.viewer.blueprint import blueprint
+from handtrack.viewer.eye import Seen, eye
+from handtrack.viewer.key import dots, lines
+from handtrack.viewer.look import Look
 from handtrack.viewer.rerun_log import log_rerun
 from handtrack.viewer.shown import Run, shown
 
@@ -36,7 +41,7 @@ def test_an_opaque_skin_does_not_hide_the_bones(track: Track, tmp_path: Path) ->
     skin, bones = worlds(blueprint(hands))
     assert skin.contents == ["/world/right/**"]
     assert bones.contents == ["/world/right/**", "- /world/right/skin"]
-    (alone,) = worlds(blueprint(hands, mesh=False))
+    (alone,) = worlds(blueprint(hands, Look(mesh=False)))
     assert alone.contents == ["/world/right/**"]
 
 
@@ -51,3 +56,49 @@ def test_the_grid_is_a_scale_below_the_hand(track: Track) -> None:
     known = heights[np.isfinite(heights)]
     assert (known > 0).mean() > 0.97
     assert known.min() < 0.15  # not far from them
+
+
+def test_a_light_ground_has_dark_lines(track: Track, tmp_path: Path) -> None:
+    hands = shown([Run("", [track])])
+    grounds = []
+    for light in (False, True):
+        world = worlds(blueprint(hands, Look(light=light)))[0]
+        (colour,) = world.properties["Background"].color.as_arrow_array().to_pylist()
+        grounds.append((colour >> 8 & 0xFF) / 255)
+    assert grounds[0] < 0.2
+    assert grounds[1] > 0.9
+    path = log_rerun(track, save=tmp_path / "light.rrd", light=True, mesh=False)
+    assert path is not None
+    assert rrd_columns(path)["/world/right"]["AnnotationContext:context"]
+    for light in (False, True):
+        kinds = style.skeletons(0, light).values()
+        assert len({colour for _, colour, _ in kinds}) == len(kinds)
+    for _, (red, green, blue, _), _ in style.skeletons(0, light=True).values():
+        # darker than the ground by far: every dot can be seen
+        assert 0.3 * red + 0.59 * green + 0.11 * blue < 180
+
+
+def test_two_runs_stand_side_by_side_unless_told(track: Track, tmp_path: Path) -> None:
+    hands = shown([Run("a", [track]), Run("b", [track])])
+    apart = worlds(blueprint(hands))
+    assert [view.name for view in apart if "grid" in view.name] == [
+        "a, grid of 5 cm",
+        "b, grid of 5 cm",
+    ]
+    assert len(worlds(blueprint(hands, Look(apart=False)))) == 2
+
+
+def test_the_key_names_what_is_shown(track: Track) -> None:
+    (hand,) = shown([Run("", [track])])
+    assert [e.label for e in dots([hand])] == [
+        *("observed", "fitted", "filtered", "truth"),
+        *("at a limit", "outside limits", "rejected"),
+    ]
+    assert {e.label for e in lines([hand])} >= {"base flexion", "thin: raw", "band: limit"}
+    plain = dataclasses.replace(track, settings={"filter": "none"}, truth=None)
+    (hand,) = shown([Run("", [plain])])
+    names = [e.label for e in [*dots([hand]), *lines([hand])]]
+    assert not {"filtered", "truth", "thin: raw"} & set(names)
+    # its colours are those of what it names
+    skeletons = {name: colour for name, colour, _ in style.skeletons(0).values()}
+    assert [skeletons[e.label] for e in dots([hand])[:2]] == [e.colour for e in dots([hand])[:2]]
