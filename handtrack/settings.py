@@ -30,6 +30,7 @@ class About:
         option: whether the command line has it.
         metavar: how the command line calls its value.
         always: whether recordings hold it though it is at its default.
+        count: of numbers, none of them negative, where it is a row of them; or it is empty.
     """
 
     help: str
@@ -45,6 +46,7 @@ class About:
     option: bool = True
     metavar: str | None = None
     always: bool = True
+    count: int = 0
 
     @property
     def expected(self) -> str:
@@ -106,6 +108,9 @@ class Settings:
                 value = value.item()
                 object.__setattr__(self, of.name, value)
             about = of.metadata.get("about")
+            if about is not None and about.count and isinstance(value, list):
+                value = tuple(value)
+                object.__setattr__(self, of.name, value)
             if about is None:
                 if not isinstance(value, type(of.default)):
                     kind = type(of.default).__name__
@@ -186,7 +191,7 @@ class Settings:
         """What recordings store: plain JSON values by flat names."""
         known = self.known()
         return {
-            name: value
+            name: list(value) if isinstance(value, tuple) else value
             for name, value in self.flat().items()
             if known[name].about.always or value != known[name].default
         }
@@ -194,6 +199,11 @@ class Settings:
 
 def _check(name: str, value: Any, about: About, default: Any) -> None:
     """Refuse a value that cannot be used."""
+    if about.count:
+        if not _is_row(value, about.count):
+            wanted = f"{about.count} numbers, none of them negative, or none"
+            raise SettingsError(f"{name} is {shown(value)}, expected {wanted}")
+        return
     if isinstance(default, bool) and isinstance(value, bool):
         return
     if about.choices:
@@ -218,6 +228,12 @@ def _check(name: str, value: Any, about: About, default: Any) -> None:
     ):
         said = repr(value) if isinstance(value, str) else shown(value)
         raise SettingsError(f"{name} is {said}, expected {about.expected}")
+
+
+def _is_row(value: Any, count: int) -> bool:
+    if not isinstance(value, tuple) or len(value) not in (0, count):
+        return False
+    return all(isinstance(x, float | int) and 0 <= x < float("inf") for x in value)
 
 
 def _one_of(choices: tuple[str, ...]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,15 @@ from handtrack.calibration.bundle import Clip, Poses, Solution, solve
 from handtrack.calibration.centres import centred
 from handtrack.calibration.chains import SIZE, Chains
 from handtrack.calibration.frames import MIN_SEEN, Material, chosen, poses_of
-from handtrack.calibration.freedoms import DRIFT, FEW, Freedoms, freedoms, shape
+from handtrack.calibration.freedoms import (
+    DRIFT,
+    FEW,
+    Freedoms,
+    by_constants,
+    freedoms,
+    shape,
+    unknown,
+)
 from handtrack.calibration.proportions import Proportions, proportions
 from handtrack.calibration.settings import METHODS, MIN_FRAMES, CalibrationSettings
 from handtrack.calibration.worth import worth_of
@@ -63,6 +71,8 @@ class Calibration:
         drift: for each sequence that was used, greatest change of a bone's length against the
             subject's hand [m]; one sequence does not drift.
         notes: what the user should know, one line each.
+        rest_covariance: (63, 63) of the hand's rest joints about the subject's [m^2], in the root
+            frame, the wrist its origin: what the data leave of how people vary.
     """
 
     model: HandModel
@@ -74,6 +84,7 @@ class Calibration:
     kept_axes: tuple[str, ...] = ANGLE_NAMES
     drift: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
+    rest_covariance: Array = field(default_factory=lambda: np.zeros((63, 63)))
 
     def summary(self) -> dict[str, object]:
         """What was found, as plain JSON values."""
@@ -191,7 +202,9 @@ def _plain(
     kept: tuple[str, ...],
     *notes: str,
 ) -> Calibration:
-    return Calibration(hand, method, found.scale, noise, frames, kept, notes=notes)
+    return Calibration(
+        hand, method, found.scale, noise, frames, kept, notes=notes, rest_covariance=unknown(hand)
+    )
 
 
 def _bundled(
@@ -235,6 +248,7 @@ def _bundled(
         found.kept,
         tuple(kept_axes),
         fine.drifts(moves, solution),
+        rest_covariance=fine.rest_covariance(moves, solution),
     )
 
 
@@ -259,6 +273,7 @@ class _Round:
         detector: Noise | None = None,
     ):
         self.chains, self.frames = chains, sum(map(len, picks))
+        self._detector = detector
         self._targets: list[Array] = []
         self._weights: list[Array] = []
         self._poses: list[Poses] = []
@@ -337,6 +352,18 @@ class _Round:
         drift, _ = shape(self.chains)
         each = solution.free[moves.n :].reshape(clips, -1)
         return np.asarray(own + drift @ np.median(each, axis=0))
+
+    def rest_covariance(self, moves: Freedoms, solution: Solution) -> Array:
+        """(63, 63) of rest joints [m^2], of what the frames leave open."""
+        _, precision = self._clips(moves)
+        said = solution.information
+        if self._detector is not None:
+            # they fit better than the detector is near: bones give way to its errors
+            off = float(np.square(self._detector.total).mean())
+            said = said * min(1.0, float(np.square(self._noise).mean()) / max(off, _FLOOR**2))
+        left = np.linalg.inv(precision + said)[: moves.n, : moves.n]
+        rest = by_constants() @ moves.basis
+        return np.asarray(rest @ left @ rest.T)
 
     def drifts(self, moves: Freedoms, solution: Solution) -> tuple[float, ...]:
         clips, _ = self._clips(moves)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.calibration.chains import AXES, SIZE, Chains
+from handtrack.hand.model import HandModel
 
 Array = NDArray[np.float64]
 
@@ -158,3 +159,20 @@ def people(chains: Chains) -> Array:
     for together in (fingers.ravel(), breadth.ravel()):
         covariance += np.outer(together, together)
     return covariance
+
+
+def by_constants() -> Array:
+    """(63, 100) how rest joints move with the constants; axes do not move them."""
+    out = np.zeros((5, 4, 3, 5, SIZE))
+    for f in range(5):
+        for j in range(4):
+            for part in range(j + 1):
+                out[f, j, :, f, 3 * part : 3 * part + 3] = np.eye(3)
+    return np.vstack([np.zeros((3, 5 * SIZE)), out.reshape(60, 5 * SIZE)])
+
+
+def unknown(model: HandModel) -> Array:
+    """(63, 63) covariance of rest joints of a hand of which only the size is known [m^2]."""
+    basis, precision = shape(Chains.of(model, np.ones(4), 1.0))
+    moves = by_constants() @ basis
+    return np.asarray(moves @ np.linalg.inv(precision) @ moves.T)

@@ -6,9 +6,9 @@ import numpy as np
 
 from handtrack.detectors.profile import Noise
 
-# errors of an unknown detector that are not new in every frame: half of them are taken to be
-# constant, half to fade after this [s]
-_FADES_S = 0.3
+# errors of an unknown detector that are not new in every frame are taken to be constant, and twice
+# what is seen of them (variances): poses and bones give way to the rest
+_UNSEEN = 2.0
 # no hand is more rigid than this: what is left of one that is nearly found is no error [m]
 _RIGID = 1e-3
 
@@ -36,16 +36,17 @@ def worth_of(
     """
     n = max(frames, 1)
     if noise is None:
-        lasting = max(deviation**2 - left**2 - _RIGID**2, 0.0)
-        constant = fading = lasting / 2
-        white, fades = min(left, deviation) ** 2, _FADES_S
+        constant = _UNSEEN * max(deviation**2 - left**2 - _RIGID**2, 0.0)
+        fading = fades = 0.0
+        white = min(left, deviation) ** 2
+        total = max(deviation**2, white)
     else:
         constant, fading, white = (
             float(np.square(part).mean()) for part in (noise.constant, noise.fading, noise.white)
         )
         fades = noise.fades_s
+        total = constant + fading + white
     stretches = min(max(span_s / (2.0 * fades), 1.0), n, MOST_STRETCHES) if fades > 0 else n
-    total = constant + fading + white
     if not total > 0:
         return 1.0
     return float(min(total / n / (constant + fading / stretches + white / n), 1.0))

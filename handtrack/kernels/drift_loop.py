@@ -33,6 +33,11 @@ from handtrack.kernels.filter_state import (
 )
 from handtrack.kernels.frame_loop import count_seen
 from handtrack.kernels.motion_noise import FIRST
+from handtrack.kernels.variances import (
+    keep_undrifted_gain,
+    keep_undrifted_spread,
+    store_undrifted_spread,
+)
 from handtrack.kernels.workspace import N_POSE, WORK
 
 # what the settings say behind those of `filter_frames`
@@ -43,6 +48,7 @@ SHARE, MOVING, LASTS = 8, 9, 10
 def keep_drifting(s, kept):
     """What a smoother needs of a prediction; its measurement is still to come."""
     keep_pose_only(s, kept)
+    keep_undrifted_spread(s, kept)
     for i in range(N_POSE):
         for j in range(REST):
             kept.pose_rest[i, j] = s.pose_rest[i, j]
@@ -85,6 +91,7 @@ def store_undrifted(s, works, solver, pose, out):
         s.step[i] = -s.drift[i]
     move_pose(pose, s.step)
     store_row(works[0], solver, pose, s.best_angles, s.best_root, out)
+    store_undrifted_spread(s, out)
 
 
 @kernel
@@ -116,6 +123,7 @@ def filter_drifting_frames(
             learn_unit(s, seen)
             if keep:
                 rest = update_drifting(s, settings[0], keep, kept[t].information, kept[t].pull)
+                keep_undrifted_gain(s, kept[t])
             else:
                 rest = update_drifting(s, settings[0], keep, s.work, s.gradient)
             notes[t].likelihood -= rest

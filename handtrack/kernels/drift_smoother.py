@@ -15,6 +15,12 @@ from handtrack.kernels.filter_state import (
     move_pose,
 )
 from handtrack.kernels.linear_algebra import apply_matrix
+from handtrack.kernels.variances import (
+    clear_spread,
+    spread_over_measurement,
+    spread_over_transition,
+    store_smoothed_spread,
+)
 from handtrack.kernels.workspace import N_ANGLES, N_POSE, WORK
 
 # the adjoint of the seen pose; a pose's change, and what it is made of
@@ -81,21 +87,27 @@ def smoothed_pose(kept, r, rest, pose):
 @inline
 def run_back(first, last, end, notes, kept, room, solver, out, at):
     """Smoothed poses of the frames first..last - 1 given all before `end`, from out[at] on."""
-    works, r, rest, poses, angles, root = room
+    works, r, rest, n, poses, angles, root = room
     w, pose = works[0], poses[0]
     clear(r, rest)
+    clear_spread(n)
     for t in range(end - 1, first - 1, -1):
         if notes[t].kind == NOTHING:
             clear(r, rest)
+            clear_spread(n)
             continue
         over_measurement(kept[t], r, rest)
+        spread_over_measurement(kept[t], n)
         if t < last:
             smoothed_pose(kept[t], r, rest, pose)
             store_row(w, solver, pose, angles, root, out[at + t - first])
+            store_smoothed_spread(kept[t], n, out[at + t - first])
         if notes[t].kind == BEGUN:
             clear(r, rest)
+            clear_spread(n)
         else:
             over_transition(kept[t], r, rest)
+            spread_over_transition(kept[t], n)
 
 
 @inline
@@ -105,6 +117,7 @@ def room_to_run():
         np.zeros(1, dtype=WORK),
         np.zeros((3, N_POSE)),
         np.zeros(REST),
+        np.zeros((3, N_ANGLES)),
         np.zeros(1, dtype=KEPT),
         np.zeros(N_ANGLES),
         np.zeros(12),

@@ -13,6 +13,7 @@ from handtrack.kernels.frame_loop import count_seen, store_pose_row
 from handtrack.kernels.kalman import begin, pass_time, predict, update
 from handtrack.kernels.measurement import load_inside, measure_frame
 from handtrack.kernels.motion_noise import DENSITY, FIRST, begin_bank, learn, predict_bank
+from handtrack.kernels.variances import keep_gain, keep_spread, store_spread
 from handtrack.kernels.workspace import N_POSE, WORK
 
 
@@ -37,6 +38,7 @@ def load_hand(w, hand, settings):
 def keep_prediction(s, kept):
     """What a smoother needs of a prediction; its measurement is still to come."""
     keep_pose_only(s, kept)
+    keep_spread(s, kept)
     for i in range(N_POSE):
         for j in range(N_POSE):
             kept.pose_speed[i, j] = s.pose_speed[i, j]
@@ -72,8 +74,8 @@ def filter_frames(
             that are tried (see `learn`).
         time_ns: (T,); targets (T, 21, 3); weights (T, 21), 0 where missing.
         raw: (T,) RESULT the raw fits, as `fit_frames` leaves them.
-        out: (T,) RESULT filtered poses, quaternions and joints; rows without a pose are left
-            as they are.
+        out: (T,) RESULT filtered poses, quaternions, joints and variances of angles; rows without
+            a pose are left as they are.
         notes: (T,) NOTE.
         keep: 1 to fill `kept` (T,) KEPT, which the smoother needs.
     """
@@ -90,6 +92,7 @@ def filter_frames(
         if see(s, works, solver, settings, frame, notes[t]):
             if keep:
                 rest = update(s, settings[0], keep, kept[t].information, kept[t].pull)
+                keep_gain(s, kept[t])
             else:
                 rest = update(s, settings[0], keep, s.work, s.gradient)
             notes[t].likelihood -= rest
@@ -156,6 +159,7 @@ def _after(s, works, solver, settings, motion, raw, out, note):
         if math.isfinite(raw.noise):
             note.kind = UPDATED
     store_row(works[0], solver, s, s.best_angles, s.best_root, out)
+    store_spread(s, out)
 
 
 @kernel

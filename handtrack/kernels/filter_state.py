@@ -151,6 +151,11 @@ _SEEN: _Fields = [
     # H^T S^-1 H and H^T S^-1 z of its measurement
     ("information", "f8", _PAIR),
     ("pull", "f8", _ROW),
+    # of each angle: predicted variance, covariance with its velocity, and what the measurement
+    # takes (see `variances`)
+    ("prior", "f8", (N_ANGLES,)),
+    ("cross", "f8", (N_ANGLES,)),
+    ("gain", "f8", (N_ANGLES,)),
 ]
 _KEPT: _Fields = [*_SEEN, ("pose_speed", "f8", _PAIR)]
 _KEPT_DRIFTING: _Fields = [

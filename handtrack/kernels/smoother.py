@@ -13,6 +13,12 @@ from handtrack.kernels.compiled import inline, kernel
 from handtrack.kernels.filter_loop import load_hand, store_row
 from handtrack.kernels.filter_state import BEGUN, KEPT, NOTHING, copy_pose, move_pose
 from handtrack.kernels.linear_algebra import apply_matrix
+from handtrack.kernels.variances import (
+    clear_spread,
+    spread_over_measurement,
+    spread_over_transition,
+    store_smoothed_spread,
+)
 from handtrack.kernels.workspace import N_ANGLES, N_POSE, WORK
 
 # the adjoint of the pose and of the velocity; a pose's change, and what it is made of
@@ -53,24 +59,30 @@ def over_transition(kept, r):
 @inline
 def run_back(first, last, end, notes, kept, room, solver, out, at):
     """Smoothed poses of the frames first..last - 1 given all before `end`, from out[at] on."""
-    works, r, poses, angles, root = room
+    works, r, n, poses, angles, root = room
     w, pose = works[0], poses[0]
     clear(r)
+    clear_spread(n)
     for t in range(end - 1, first - 1, -1):
         if notes[t].kind == NOTHING:
             clear(r)
+            clear_spread(n)
             continue
         over_measurement(kept[t], r)
+        spread_over_measurement(kept[t], n)
         if t < last:
             # the smoothed pose is the predicted one plus P r
             covary(kept[t], r)
             copy_pose(kept[t], pose)
             move_pose(pose, r[CHANGE])
             store_row(w, solver, pose, angles, root, out[at + t - first])
+            store_smoothed_spread(kept[t], n, out[at + t - first])
         if notes[t].kind == BEGUN:
             clear(r)
+            clear_spread(n)
         else:
             over_transition(kept[t], r)
+            spread_over_transition(kept[t], n)
 
 
 @inline
@@ -79,6 +91,7 @@ def room_to_run():
     return (
         np.zeros(1, dtype=WORK),
         np.zeros((4, N_POSE)),
+        np.zeros((3, N_ANGLES)),
         np.zeros(1, dtype=KEPT),
         np.zeros(N_ANGLES),
         np.zeros(12),

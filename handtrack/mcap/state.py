@@ -43,7 +43,8 @@ class States:
         quaternion_raw, quaternion: (T, 4).
         translation_raw, translation: (T, 3).
         fitted_joints, filtered_joints: (T, 21, 3) of the raw and of the filtered pose.
-        angle_variance: (T, 20) [rad^2] of the raw angles, inf where nothing observes one.
+        angle_variance: (T, 20) [rad^2] of the angles, the filter's where it has them (in files of
+            older programs: of the raw angles); inf where nothing observes one.
         objective: (T,) sum of weighted squared distances [m^2] of the raw fit.
         iterations: (T,) sweeps and steps of the fitter.
         status: (T,) of "fitted", "predicted", "lost".

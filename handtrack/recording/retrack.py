@@ -86,6 +86,7 @@ def as_stored(model: HandModel, stored: HandModel) -> HandModel:
     return replace(model, **own)
 
 
+_LASTING = ("lasting_deg", "lasting_mm")
 _OWN = ("axes", "limits", "thumb_twist", "shape", "landmark_offsets")
 
 
@@ -124,7 +125,11 @@ def retrack(
         del given["detector"]
     elif "detector" in given:
         model = without_landmarks(model)
-    wanted = TrackSettings.of({"calibrate": "none", **settings_of(stored), **given})
+    before = settings_of(stored)
+    if "calibrate" in given or "detector" in given:
+        # what lasts is of another hand, or another detector
+        before = {name: v for name, v in before.items() if name not in _LASTING}
+    wanted = TrackSettings.of({"calibrate": "none", **before, **given})
     result = track(input_of(stored), model, settings=wanted)
     first = int(stored.time_ns[0])
     # what the reader and the calibration had to say; the tracker says its own things again
@@ -134,6 +139,7 @@ def retrack(
     made = dict(result.settings)
     if "calibrate" not in given:
         # the hand is still that one
-        made = {**stored.settings, **made, "calibrate": stored.settings.get("calibrate", "none")}
+        kept = {n: v for n, v in stored.settings.items() if n in before or n not in _LASTING}
+        made = {**kept, **made, "calibrate": stored.settings.get("calibrate", "none")}
         made |= {k: stored.settings[k] for k in ("calibration", "model") if k in stored.settings}
     return replace(result, events=events, settings=made)

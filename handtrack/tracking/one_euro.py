@@ -72,6 +72,8 @@ class OneEuroFilter:
     def _take(self, row: np.void, dt: float) -> None:
         if not self._known:
             self._raw, self._row = row.copy(), row.copy()
+            # it knows nothing of how near it is: the raw fit's variances stand
+            self._row["variance"] = np.nan
             self._speed = np.zeros(N_POSE)
             self._known = True
             return

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.hand.skeleton import N_ANGLES
 from handtrack.kernels import filter_loop as kernels
 from handtrack.kernels.filter_state import NOTE
 from handtrack.kernels.workspace import UNFITTED, Records
@@ -55,6 +56,9 @@ class FilterPyFilter(KalmanFilter):
             for name in _PREDICTED:
                 kept[name] = s[name]
             kept["information"], kept["pull"] = 0.0, 0.0
+            kept["prior"] = np.diag(s["pose_pose"])[:N_ANGLES]
+            kept["cross"] = np.diag(s["pose_speed"])[:N_ANGLES]
+            kept["gain"] = 0.0
         if kernels.measure(*with_model, *shown):
             # what is best with the prediction, as if measured without it
             r = np.linalg.inv(s["system"])
@@ -72,6 +76,8 @@ class FilterPyFilter(KalmanFilter):
             if kept is not None:
                 kept["information"] = self._filter.SI
                 kept["pull"] = self._filter.SI @ z
+                taken = kept["prior"] - np.diag(s["pose_pose"])[:N_ANGLES]
+                kept["gain"] = np.maximum(taken, 0.0) / kept["prior"] ** 2
         kernels.after_frame(*with_model, motion, shown[2], out, shown[3])
 
     def _get(self, s: Any) -> None:

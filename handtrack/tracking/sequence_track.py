@@ -6,15 +6,19 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handtrack.calibration.calibrate import calibrate
 from handtrack.calibration.explain import doubt, explain
+from handtrack.calibration.lasting import lasting_errors
 from handtrack.calibration.settings import CalibrationSettings
 from handtrack.deprecated import old_positions
 from handtrack.detectors.chosen import AUTO, seen_by
 from handtrack.detectors.profile import Profile
 from handtrack.errors import InputError
+from handtrack.fitting.batch import fit_batch
 from handtrack.hand.model import HandModel
+from handtrack.hand.skeleton import N_JOINTS
 from handtrack.mcap.hand import Event, Head
 from handtrack.mcap.state import Stretch
 from handtrack.sequences.sequence import Sequence
@@ -24,8 +28,12 @@ from handtrack.tracking.settings import TrackSettings
 from handtrack.tracking.track import Track, track_of
 from handtrack.tracking.tracker import OLD_ORDER, Tracker
 
+Array = NDArray[np.float64]
+
 # frames that are fitted at once in a whole sequence
 _CHUNK = 256
+# poses over which what lasts is averaged
+_LASTING = 12
 # frames by which a calibrated hand is judged
 _EXPLAINED = 100
 
@@ -68,7 +76,9 @@ def track(
             sequence.source or None,
         )
     model, profile = seen_by(model, chosen.detector, sequence.detector)
-    hand, found, notes = _subject(model, sequence, chosen.calibration, profile)
+    hand, found, notes, open_rest = _subject(model, sequence, chosen.calibration, profile)
+    if profile is not None and not chosen.lasting_deg:
+        chosen = chosen.but(**_lasting(hand, sequence, profile, open_rest))
     tracker = Tracker(hand, settings=chosen)
     told = {
         **chosen.to_dict(),
@@ -124,11 +134,12 @@ def _subject(
     sequence: Sequence,
     settings: CalibrationSettings,
     profile: Profile | None,
-) -> tuple[HandModel, dict[str, Any], list[str]]:
-    """The hand to fit, what was found of it, and what the user should know."""
+) -> tuple[HandModel, dict[str, Any], list[str], Array]:
+    """The hand to fit, what was found of it, what the user should know, and the covariance of
+    its rest joints."""
     notes = list(sequence.notes)
     if settings.by == "none":
-        return model, {}, notes
+        return model, {}, notes, np.zeros((3 * N_JOINTS, 3 * N_JOINTS))
     calibration = calibrate(
         model,
         sequence,
@@ -142,7 +153,23 @@ def _subject(
         found |= explain(calibration.model, sequence, _EXPLAINED).summary()
         doubtful = doubt(found)
         notes += [doubtful] if doubtful else []
-    return calibration.model, found, notes
+    return calibration.model, found, notes, calibration.rest_covariance
+
+
+def _lasting(
+    hand: HandModel, sequence: Sequence, profile: Profile, open_rest: Array
+) -> dict[str, list[float]]:
+    """Settings that say what lasts in the errors of a sequence's poses; none without a pose."""
+    whole = np.flatnonzero(np.isfinite(sequence.joints).all((1, 2)))
+    if not hand.has_landmarks or not whole.size:
+        return {}
+    pick = whole[np.unique(np.linspace(0, len(whole) - 1, _LASTING).astype(int))]
+    fits = fit_batch(hand, sequence.joints[pick])
+    found = lasting_errors(hand, profile.noise, open_rest, fits.angles)
+    return {
+        "lasting_deg": np.rad2deg(found.angles).round(4).tolist(),
+        "lasting_mm": (1e3 * found.joints).round(4).tolist(),
+    }
 
 
 def _input_said(sequence: Sequence) -> dict[str, Any]:

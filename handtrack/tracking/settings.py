@@ -8,6 +8,7 @@ from typing import Literal
 from handtrack.calibration.settings import CalibrationSettings
 from handtrack.errors import SettingsError
 from handtrack.fitting.settings import FitSettings
+from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
 from handtrack.settings import Settings, setting
 
 FILTERS = ("none", "kalman", "one-euro", "fixed-lag", "rts")
@@ -102,6 +103,9 @@ class TrackerSettings(Settings):
         gate: leave out joints and frames that cannot be true (`handtrack.tracking.gating`).
         min_joints: a frame with fewer observed joints is lost: it says too little of the hand.
         coast_s: how long a filter predicts frames that cannot be fitted [s].
+        lasting_deg, lasting_mm: deviations that last, of the angles (20) [deg] and of joint centres
+            (21) [mm]; empty where nothing is known of them. `track` finds them where a detector's
+            profile is known (see `calibration.lasting`).
 
     Raises:
         SettingsError: a value makes no sense.
@@ -122,6 +126,22 @@ class TrackerSettings(Settings):
         most=1e6,
         unit="s",
         option=False,
+    )
+    lasting_deg: tuple[float, ...] = setting(
+        (),
+        "Deviations of the angles that last: variances are not below them.",
+        count=N_ANGLES,
+        unit="deg",
+        option=False,
+        always=False,
+    )
+    lasting_mm: tuple[float, ...] = setting(
+        (),
+        "Deviations of the joints that last, per coordinate.",
+        count=N_JOINTS,
+        unit="mm",
+        option=False,
+        always=False,
     )
 
     @property

@@ -123,6 +123,18 @@ class Track(States):
         events = tuple(event for event in self.events if a <= event.time_ns <= b)
         return replace(self, **arrays, events=events)
 
+    def joint_deviation(self) -> Array:
+        """(T, 21) standard deviation of the filtered joints, per coordinate [m].
+
+        It holds what frames show of the noise, after the filter, and where a detector's profile
+        is known what lasts too: the landmarks' own errors, and the hand's shape. In the world;
+        of one camera about the hand's middle, its turn and size left out. NaN where there is no
+        pose.
+        """
+        from handtrack.tracking.deviation import joint_deviation
+
+        return joint_deviation(self)
+
     def to_dataframe(self) -> pandas.DataFrame:
         """A pandas table: a row for each frame, by `time_s` from the first; units in the names of
         columns (`index_mcp_flexion_deg`, `wrist_x_mm`), as `handtrack export` writes .csv.

@@ -15,6 +15,7 @@ from handtrack.deprecated import moved, old_positions
 from handtrack.errors import InputError, SettingsError
 from handtrack.fitting import solver
 from handtrack.hand.model import HandModel
+from handtrack.hand.skeleton import N_ANGLES
 from handtrack.kernels import workspace
 from handtrack.tracking.filter_input import Frames
 from handtrack.tracking.filters import make_filter, warm_up
@@ -66,6 +67,7 @@ class Tracker:
         self._gate = Gate(self._program, model, self.chosen) if self.chosen.gate else None
         self._filter = make_filter(self.chosen, model)
         self._coast_ns = self.chosen.coast_ns
+        self._lasting = np.square(np.deg2rad(self.chosen.lasting_deg or np.zeros(N_ANGLES)))
         self._waiting: deque[tuple[int, Array, Array, solver.Results, int, Verdict]] = deque()
         self.reset()
 
@@ -215,6 +217,10 @@ class Tracker:
                 reason = "; ".join(filter(None, (found, reason)))
             self._fitted_ns = time_ns
         steady = row if filtered is None else solver.Row(*filtered.item())
+        variance = solver.variance_of(steady, row.variance)
+        if self.chosen.lasting_deg:
+            # residuals have what lasts in them too, so the two are not added
+            variance = np.maximum(variance, self._lasting)
         return TrackedFrame(
             time_ns=time_ns,
             observed=observed,
@@ -227,7 +233,7 @@ class Tracker:
             translation=steady.translation,
             fitted_joints=row.joints,
             filtered_joints=steady.joints,
-            angle_variance=row.variance,
+            angle_variance=variance,
             objective=row.objective,
             iterations=row.sweeps + row.steps,
             status="fitted" if fitted else "predicted" if known else "lost",

@@ -7,12 +7,11 @@ import sys
 from pathlib import Path
 
 from handtrack.errors import HandtrackError, SettingsError
-from tools.bench.rendered.build import ROOT, Plan, found_share, make, plans, plans_of
+from tools.bench.rendered.build import ROOT, SPLITS, Plan, found_share, make, plans, plans_of
 from tools.bench.rendered.layout import read_folder, write
 
 DATA = ROOT / "tests" / "data" / "rendered"
 SHIPPED = ROOT / "handtrack" / "detectors" / "data"
-SPLITS = ("tune", "holdout")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -20,7 +19,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.bench.rendered", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
     making = commands.add_parser("make", help="draw the clips and let MediaPipe see them")
-    making.add_argument("splits", nargs="*", metavar="SPLIT", help="tune, holdout; both by default")
+    making.add_argument(
+        "splits", nargs="*", metavar="SPLIT", help=f"{', '.join(SPLITS)}; all by default"
+    )
     making.add_argument("--motion", type=Path, nargs="+", metavar="FILE", help="joints to move as")
     making.add_argument("-o", "--out", type=Path, default=DATA, help="folder")
     making.add_argument("--cameras", type=int, choices=(1, 2, 3, 4), default=3)
@@ -31,7 +32,13 @@ def main(arguments: list[str] | None = None) -> int:
     )
     studying = commands.add_parser("study", help="measure raw, smoothed, fitted and filtered")
     studying.add_argument("paths", nargs="*", type=Path, metavar="PATH", help="clips, or folders")
-    studying.add_argument("--holdout", action="store_true", help="the clips that were held out")
+    studying.add_argument(
+        "--holdout",
+        nargs="?",
+        const=SPLITS[-1],
+        choices=SPLITS[1:],
+        help="clips that were held out; the last ones by default",
+    )
     studying.add_argument("--camera", type=int, default=0, help="which one is one camera")
     studying.add_argument("--json", type=Path, metavar="OUT", help="write all numbers")
     studying.add_argument("--only", nargs="+", default=[], metavar="WORD", help="rows named so")
@@ -77,13 +84,13 @@ def _study(options: argparse.Namespace) -> None:
     from tools.bench.rendered.methods import chosen
     from tools.bench.rendered.study import say, study, write_json, write_overall
 
-    paths = options.paths or [DATA / ("holdout" if options.holdout else "tune")]
+    paths = options.paths or [DATA / (options.holdout or SPLITS[0])]
     clips = [clip for path in paths for clip in read_folder(path)]
     console = Console(width=None if Console().is_terminal else 150)
     with console.status("") as status:
         rows = study(
             clips[:3] if options.quick else clips,
-            lambda cases: chosen(cases, options.only, options.also, options.holdout),
+            lambda cases: chosen(cases, options.only, options.also, bool(options.holdout)),
             options.camera,
             status.update,
         )
@@ -119,7 +126,7 @@ def _make(options: argparse.Namespace) -> None:
         wanted += [("motion", plan) for plan in plans_of(path)]
     for split in () if options.motion else options.splits or SPLITS:
         if split not in SPLITS:
-            raise SettingsError(f"{split} is no split, expected tune or holdout")
+            raise SettingsError(f"{split} is no split, expected {', '.join(SPLITS)}")
         wanted += [(split, plan) for plan in plans(split)]
     from handtrack.video.detector import MediaPipeDetector
     from tools.bench.rendered.raster import Raster

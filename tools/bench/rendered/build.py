@@ -28,6 +28,9 @@ SAMPLE = ROOT / "recordings" / "sample.npz"
 LENGTHS = (60, 60, 75, 90, 120)
 CAMERAS = 3
 GENERATED = "generated"
+# of the splits that are held out: first subject, part of the sample, first seed
+_HELD_OUT = {"holdout": (40, 1.0, 1000), "holdout2": (80, 0.75, 3000)}
+SPLITS = ("tune", *_HELD_OUT)
 
 
 @dataclass(frozen=True)
@@ -58,17 +61,19 @@ def plans_of(source: Path, subjects: int = 3) -> list[Plan]:
 
 
 def plans(split: str) -> list[Plan]:
-    """The 30 clips to tune on ("tune"), or the 10 held out ("holdout"); no subject is in both.
+    """The 30 clips to tune on, or 10 held out; every split has subjects of its own.
 
-    A fifth of them move as the shipped sample, those held out as its last third.
+    A fifth of them move as the shipped sample, those held out as its last third or the one before.
     """
     if split == "tune":
         return [
             Plan(f"tune{i:02d}", i % 15, "sample" if i % 5 == 4 else GENERATED, (i // 5) % 3 / 4, i)
             for i in range(30)
         ]
+    first, part, seed = _HELD_OUT[split]
+    prefix = f"{split}-" if split[-1].isdigit() else split
     return [
-        Plan(f"holdout{i:02d}", 40 + i, "sample" if i % 5 == 4 else GENERATED, 1.0, 1000 + i)
+        Plan(f"{prefix}{i:02d}", first + i, "sample" if i % 5 == 4 else GENERATED, part, seed + i)
         for i in range(10)
     ]
 
