@@ -8,7 +8,6 @@ from typing import Literal
 from handtrack.calibration.settings import CalibrationSettings
 from handtrack.errors import SettingsError
 from handtrack.fitting.settings import FitSettings
-from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
 from handtrack.settings import Settings, setting
 
 FILTERS = ("none", "kalman", "one-euro", "fixed-lag", "rts")
@@ -130,7 +129,7 @@ class TrackerSettings(Settings):
     lasting_deg: tuple[float, ...] = setting(
         (),
         "Deviations of the angles that last: variances are not below them.",
-        count=N_ANGLES,
+        count=20,
         unit="deg",
         option=False,
         always=False,
@@ -138,7 +137,7 @@ class TrackerSettings(Settings):
     lasting_mm: tuple[float, ...] = setting(
         (),
         "Deviations of the joints that last, per coordinate.",
-        count=N_JOINTS,
+        count=21,
         unit="mm",
         option=False,
         always=False,
