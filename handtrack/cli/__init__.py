@@ -17,6 +17,7 @@ from handtrack import __version__
 from handtrack.cli.commands import COMMANDS as COMMANDS
 from handtrack.cli.helping import pointing_to_help, suggestion
 from handtrack.cli.streams import STOPPED, stopping, usable_streams
+from handtrack.cli.timing import begin
 from handtrack.errors import HandtrackError, InputError, ModelError, SettingsError
 
 
@@ -32,6 +33,7 @@ def main() -> None:
 
 def run(arguments: list[str]) -> int:
     """Run one command and return its exit status; what goes wrong is one line on stderr."""
+    begin()
     with warnings.catch_warnings(), stopping():
         warnings.showwarning = _show_warning  # type: ignore[assignment]
         if arguments[:1] == ["help"]:

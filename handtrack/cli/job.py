@@ -17,6 +17,7 @@ from handtrack.cli.outputs import Job, Stretches, recorder
 from handtrack.cli.pictures import for_viewer
 from handtrack.cli.progress import Progress
 from handtrack.cli.sources import Item, Skipped
+from handtrack.cli.timing import Times
 from handtrack.errors import HandtrackError, NoHandError, SettingsError
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ class Work:
         repair: put hands back that were exchanged.
         quiet, silent: print no warnings; print nothing.
         alone: whether there is one input, whose failure is the command's.
-        seconds: time spent with fitting [s].
+        times: what took the time; of fitting, what recording and showing took is not part.
     """
 
     reading: Reading
@@ -68,7 +69,7 @@ class Work:
     quiet: bool
     silent: bool
     alone: bool
-    seconds: float = 0.0
+    times: Times = field(default_factory=Times)
 
     def run(self, job: Job, progress: Progress, made: Made) -> None:
         """Track all that goes into one recording.
@@ -84,13 +85,14 @@ class Work:
             # from one picture to the next anything may change
             settings = settings.but(gate=False, coast_s=0.0)
         tracks: list[Track] = []
-        with recorder(job.mcap, sequences, self.recording) as record:
+        with self.times.during("writing"), recorder(job.mcap, sequences, self.recording) as record:
             for i, sequence in enumerate(sequences):
                 told = self._told(sequence, job.items)
                 stretches = Stretches(record, i, told)
-                start = time.perf_counter()
+                shown = self.show.seconds
                 try:
-                    track = self._track(sequence, settings, stretches, progress)
+                    with self.times.during("fitting"):
+                        track = self._track(sequence, settings, stretches, progress)
                     tracks.append(replace(track, settings={**track.settings, **told}))
                 except HandtrackError as error:
                     # a hand that is hardly seen must not take the others with it
@@ -98,14 +100,16 @@ class Work:
                     if (last and self.alone) or record.closed:
                         raise
                     made.notes.append(f"{sequence.name}: left out: {error}")
-                self.seconds += time.perf_counter() - start - stretches.seconds
+                self.times.move(stretches.seconds, "fitting", "writing")
+                self.times.move(self.show.seconds - shown, "fitting", "showing")
                 progress.next(len(sequence))
             if not tracks:
                 record.stop()
         if not tracks:
             return
         if job.rrd is not None:
-            self._write_rrd(job.rrd, tracks, job.items, progress)
+            with self.times.during("writing"):
+                self._write_rrd(job.rrd, tracks, job.items, progress)
         made.tracks += tracks
         made.files += job.files
 
@@ -125,7 +129,8 @@ class Work:
         found: list[Sequence] = []
         for item in job.items:
             try:
-                sequences = item.read(self.reading, self.silent)
+                with self.times.during("detecting" if item.unread else "reading"):
+                    sequences = item.read(self.reading, self.silent)
             except HandtrackError as error:
                 if isinstance(error, NoHandError) and self.alone:
                     self._write_empty(job, item)
@@ -163,12 +168,19 @@ class Work:
     ) -> Track:
         import handtrack as ht
 
+        start = time.perf_counter()
         model, how = self.models.subject(sequence, settings.calibration.method)
+
+        def done(frames: int) -> None:
+            if frames == 0:  # the hand is known
+                self.times.move(time.perf_counter() - start, "fitting", "calibrating")
+            progress.frames(frames)
+
         track = ht.track(
             sequence,
             model,
             settings=settings.but(calibrate=how),
-            progress=progress.frames,
+            progress=done,
             on_part=self.show.parts(sequence, stretches),
         )
         if (track.status == "lost").all():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -12,12 +13,27 @@ import click
 if TYPE_CHECKING:
     from handtrack.tracking.settings import TrackerSettings
 
-COMPILING = "compiling the fitter, once on this machine (about 15 s) ..."
+COMPILING = "compiling {part}, once on this machine (about {seconds} s) ..."
+_PARTS = (
+    (("kalman", "drift", "smoother", "filter", "motion_noise", "colour"), "the filter", 15),
+    (("image_fit", "pixels", "lens"), "the fit to pictures", 10),
+    (("collisions",), "the collisions", 5),
+)
+_FITTER = ("the fitter", 15)
+_EVERY_S = 60.0
+"""In a log a line so often says where the work is."""
+
+
+def _part(module: str) -> tuple[str, int]:
+    """Which part of the machine code a module of kernels is, and about how long it compiles."""
+    name = module.rpartition(".")[2]
+    found = ((part, s) for starts, part, s in _PARTS if name.startswith(starts))
+    return next(found, _FITTER)
 
 
 @contextmanager
 def compiling_said(quiet: bool) -> Iterator[None]:
-    """Say so, once and on one line, when code is really being compiled inside the block."""
+    """Say so, once for each part and on one line, when code is really compiled in the block."""
     if quiet:
         yield
         return
@@ -26,12 +42,15 @@ def compiling_said(quiet: bool) -> Iterator[None]:
     events: Any = event
 
     class Listener(events.Listener):  # type: ignore[misc]
-        said = False
+        def __init__(self) -> None:
+            self.said: set[str] = set()
 
         def on_start(self, event: Any) -> None:
-            if not self.said:
-                self.said = True
-                click.echo(COMPILING, err=True)
+            part, seconds = _part(str(event.data.get("module", "")))
+            # what a filter is made of belongs to the fitter, which stands before it
+            if part not in self.said and not (part == _FITTER[0] and self.said):
+                self.said.add(part)
+                click.echo(COMPILING.format(part=part, seconds=seconds), err=True)
 
         def on_end(self, event: Any) -> None: ...
 
@@ -87,11 +106,38 @@ class _Bar(Progress):
         self._bar.update(self._task, description=what)
 
 
+class _Log(Progress):
+    """A line a minute."""
+
+    def __init__(self, total: int, doing: str) -> None:
+        self._total, self._doing, self._before = total, doing, 0
+        self._start = self._said = time.monotonic()
+
+    def frames(self, done: int) -> None:
+        now = time.monotonic()
+        if now - self._said < _EVERY_S:
+            return
+        self._said, at = now, self._before + done
+        of = f" of {self._total:,}" if self._total >= at else ""
+        minutes, seconds = divmod(round(now - self._start), 60)
+        click.echo(f"{self._doing}: {at:,}{of} frames in {minutes}:{seconds:02d} min", err=True)
+
+    def next(self, frames: int) -> None:
+        self._before += frames
+        self.frames(0)
+
+    def says(self, what: str) -> None:
+        self._doing = what
+
+
 @contextmanager
 def progress_shown(total: int, quiet: bool, doing: str = "tracking") -> Iterator[Progress]:
-    """A bar of so many frames on stderr, for people at a terminal."""
-    if quiet or not sys.stderr.isatty():
+    """A bar of so many frames on stderr for people at a terminal, a line a minute in a log."""
+    if quiet:
         yield Progress()
+        return
+    if not sys.stderr.isatty():
+        yield _Log(total, doing)
         return
     from rich.console import Console
     from rich.progress import Progress as Bars

@@ -49,6 +49,11 @@ class Item:
         return [s.source for s in self._sequences if s.source]
 
     @property
+    def unread(self) -> bool:
+        """Whether it is pictures that nobody has looked at yet."""
+        return self._sequences is None
+
+    @property
     def in_motion(self) -> bool:
         """Whether its frames follow one another, as those of unrelated images do not."""
         return not (self.pictures and self.pictures[0].found.still)

@@ -28,6 +28,7 @@ from handtrack.cli.pictures import check_overlay, picture_options
 from handtrack.cli.progress import compiling_said, progress_shown, warm_up
 from handtrack.cli.reading_options import reading_options
 from handtrack.cli.sources import Given, items_of
+from handtrack.cli.timing import Times
 from handtrack.errors import HandtrackError, SettingsError
 
 if TYPE_CHECKING:
@@ -87,9 +88,9 @@ def track(
     if models.file is not None and is_default("calibrate"):
         settings = settings.but(calibrate="none", detector="none")
     reading, silent = Reading(**options, **mano), quiet or as_json
-    lens = Lens(camera, image_size, fov, board_unit)
+    lens, times = Lens(camera, image_size, fov, board_unit), Times()
     if lens.given:
-        with compiling_said(silent):
+        with times.during("detecting and following"), compiling_said(silent):
             method = settings.calibration.method
             views = from_cameras(lens, inputs, reading, models, method, silent, settings.detector)
         given, noise = Given([views[0]]), views[1]
@@ -97,7 +98,8 @@ def track(
         if settings.fit.noise_mm is None:
             settings = settings.but(noise_mm=noise)
     else:
-        given = items_of(inputs, reading, silent)
+        with times.during("reading"):
+            given = items_of(inputs, reading, silent)
     if overlay is not None:
         check_overlay(overlay, _drawn_over(given, inputs))
     elif overlay_skin is not None:
@@ -106,17 +108,21 @@ def track(
     sequences = [s for i in given.items if live for s in i.read(reading, silent)]
     show = live_view(live, connect, sequences, mesh=bool(recording.mesh.every))
     made, alone = Made(skipped=given.skipped), len(given.items) == 1
-    doing = Work(reading, models, settings, recording, show, not no_repair, quiet, silent, alone)
+    doing = Work(
+        reading, models, settings, recording, show, not no_repair, quiet, silent, alone, times
+    )
     frames = sum(item.frames for item in given.items)
     with compiling_said(silent), progress_shown(frames, silent) as progress:
-        warm_up(settings)
+        with times.during("making the fitter ready"):
+            warm_up(settings)
         for job in work:
             doing.run(job, progress, made)
         if overlay is not None:
             from handtrack.video.overlay import overlay as draw
 
             progress.says(f"drawing {overlay}")
-            draw(overlay, given.items[0].pictures, made.tracks, skin=overlay_skin)
+            with times.during("drawing"):
+                draw(overlay, given.items[0].pictures, made.tracks, skin=overlay_skin)
             made.files.append(overlay)
     made.notes += [f"{t.name}: {text}" for t in made.tracks if (text := _doubt(t))]
     _say(made, given, len(work), doing, as_json)
@@ -150,14 +156,16 @@ def _say(made: Made, given: Given, count: int, doing: Work, as_json: bool) -> No
     for note in made.notes if not doing.quiet else ():
         click.echo(f"warning: {note}", err=True)
     frames = sum(map(len, made.tracks))
-    rate = frames / (doing.seconds - doing.show.seconds)
-    report = ht.stability(made.tracks)
+    rate = frames / max(doing.times.seconds["fitting"], 1e-9)
+    with doing.times.during("measuring"):
+        report = ht.stability(made.tracks)
     if as_json:
         read = [s for item in given.items for s in item.read(doing.reading, True)]
         notes = [f"{s.name}: {note}" for s in read for note in s.notes]
         result_dict = report.to_dict() | {
             "outputs": [str(path) for path in made.files],
             "frames_per_second": rate,
+            "seconds": doing.times.to_dict(),
             "warnings": notes + made.repairs + made.notes,
             "skipped": [{"input": str(s.path), "reason": s.reason} for s in made.skipped],
             "not_measured": {t.name: list(_not_measured(t)) for t in made.tracks},
@@ -181,6 +189,7 @@ def _say(made: Made, given: Given, count: int, doing: Work, as_json: bool) -> No
             click.echo(f"wrote {path}")
         folders = dict.fromkeys(str(path.parent) for path in made.files)
         where = f"{len(made.files)} files in {' and '.join(folders)}"
+    click.echo(f"took {doing.times.said()}")
     click.echo(f"tracked {frames:,} frames at {rate:,.0f} frames/s -> {where}")
 
 

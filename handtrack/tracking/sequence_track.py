@@ -54,7 +54,8 @@ def track(
         sequence: the joints of one hand.
         model: the hand; the free default hand of the sequence's side if left out.
         settings: how to track; the defaults if left out.
-        progress: called with the number of frames done, now and then.
+        progress: called with the number of frames done: 0 when the hand is known, then now and
+            then.
         on_part: called with every stretch of frames as soon as it is final, in order: what it
             gets, one after another, is the track returned.
         options: settings by their names (see `TrackSettings`), such as filter="kalman" or
@@ -98,6 +99,8 @@ def track(
         has_truth=sequence.truth is not None,
     )
     events = [Event(int(sequence.time_ns[0]), "warning", note) for note in notes]
+    if progress is not None:
+        progress(0)
     before, done = None, 0
     stretches: list[Stretch] = []
     for new in _stretches(tracker, sequence):

@@ -17,6 +17,7 @@ from cli_cases import files
 
 import handtrack as ht
 from handtrack.cli import progress as cli_progress
+from handtrack.cli import timing
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tests" / "hand")]
@@ -109,8 +110,50 @@ def test_compiling_is_said_once_and_only_when_it_happens(capsys):
     with cli_progress.compiling_said(quiet=False):
         for _ in range(2):
             assert numba.njit(lambda x: x + 1)(1) == 2
-    assert capsys.readouterr() == ("", f"{cli_progress.COMPILING}\n")
+    said = cli_progress.COMPILING.format(part="the fitter", seconds=15)
+    assert capsys.readouterr() == ("", f"{said}\n")
     with cli_progress.compiling_said(quiet=True):
         assert numba.njit(lambda x: x + 2)(1) == 3
     assert numba.njit(lambda x: x + 3)(1) == 4
     assert capsys.readouterr() == ("", "")
+
+
+def test_what_took_the_time_adds_up_to_the_whole(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(timing.time, "perf_counter", lambda: now[0])
+    timing.begin()
+    times = timing.Times()
+    now[0] += 0.5
+    with times.during("writing"):
+        now[0] += 0.25
+        with times.during("fitting"):
+            now[0] += 2.0
+        times.move(0.5, "fitting", "calibrating")
+    assert times.to_dict() == {
+        "fitting": 1.5, "writing": 0.25, "calibrating": 0.5, "other": 0.5, "total": 2.75
+    }  # fmt: skip
+    assert times.said().startswith("2.75 s: fitting 1.50, calibrating 0.50")
+
+
+def test_a_log_gets_a_line_a_minute(monkeypatch, capsys):
+    now = [0.0]
+    monkeypatch.setattr(cli_progress.time, "monotonic", lambda: now[0])
+    with cli_progress.progress_shown(300, quiet=False) as progress:
+        for done in range(0, 301, 100):
+            progress.frames(done)
+            now[0] += 40.0
+    assert capsys.readouterr().err == "tracking: 200 of 300 frames in 1:20 min\n"
+    with cli_progress.progress_shown(300, quiet=True) as progress:
+        now[0] += 900.0
+        progress.frames(10)
+    assert capsys.readouterr().err == ""
+
+
+def test_track_tells_what_took_the_time(call, made, elsewhere):
+    status, out, _ = call("track", made.short, "-o", "a.mcap")
+    assert status == 0
+    assert re.search(r"^took [\d.]+ s: .*(fitting|calibrating|writing)", out, re.MULTILINE)
+    seconds = json.loads(call("track", made.short, "-o", "b.mcap", "--json")[1])["seconds"]
+    parts = sum(spent for what, spent in seconds.items() if what != "total")
+    assert parts == pytest.approx(seconds["total"], abs=0.02)
+    assert {"reading", "calibrating", "fitting", "writing", "measuring"} <= set(seconds)
