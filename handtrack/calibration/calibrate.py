@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from handtrack.calibration.bundle import Clip, Poses, Solution, solve
 from handtrack.calibration.centres import centred
 from handtrack.calibration.chains import SIZE, Chains
-from handtrack.calibration.frames import MIN_SEEN, Material, chosen, poses_of
+from handtrack.calibration.frames import MIN_SEEN, Material, chosen, excerpt, poses_of
 from handtrack.calibration.freedoms import (
     DRIFT,
     FEW,
@@ -137,6 +137,7 @@ def calibrate(
         SettingsError: an unknown method, or no sequence.
     """
     given = [sequences] if isinstance(sequences, Sequence) else list(sequences)
+    given = [excerpt(sequence) for sequence in given]
     if method not in METHODS:
         raise SettingsError(f"method {method!r} is unknown, expected one of {', '.join(METHODS)}")
     if not given:

@@ -12,7 +12,7 @@ from handtrack.calibration.balls import Balls
 from handtrack.calibration.bundle import Clip, Poses, solve
 from handtrack.calibration.centres import centred
 from handtrack.calibration.chains import SIZE, Chains
-from handtrack.calibration.frames import Material, poses_of, sound
+from handtrack.calibration.frames import Material, excerpt, poses_of, sound
 from handtrack.errors import InputError
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import without_landmarks
@@ -114,6 +114,7 @@ def explain(
         InputError: no sequence has a frame with at least 12 joints.
     """
     given = [sequences] if isinstance(sequences, Sequence) else list(sequences)
+    given = [excerpt(sequence) for sequence in given]
     if model.has_landmarks:
         given = [centred(model, s) for s in given]
         model = without_landmarks(model)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,29 @@ MOST = 3000
 _STRAY = 3.0
 # and a misfit of this is still the hand that is not found yet [m]
 _GOOD = 5e-3
+
+
+LONG, _PIECE = 16_000, 500
+"""Of a clip with more frames than that so many are looked at at all, in pieces evenly spread."""
+
+
+def excerpt(sequence: Sequence) -> Sequence:
+    """The sequence, or of a long one pieces of `_PIECE` frames, `LONG` in all, evenly spread."""
+    n = len(sequence)
+    if n <= LONG:
+        return sequence
+    begins = np.linspace(0, n - _PIECE, LONG // _PIECE).astype(np.int64)
+    keep = (begins[:, None] + np.arange(_PIECE)).ravel()
+    if not np.isfinite(joints := sequence.joints[keep]).any():
+        return sequence
+    return replace(
+        sequence,
+        time_ns=sequence.time_ns[keep],
+        joints=joints,
+        confidence=sequence.confidence[keep],
+        frame_index=sequence.frame_index[keep],
+        truth=None,
+    )
 
 
 @dataclass(frozen=True, eq=False)

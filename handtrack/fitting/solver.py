@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -214,11 +213,6 @@ class Results:
             variance=row.variance,
             status=STATUS[row.state],
         )
-
-
-def variance_of(row: Row, otherwise: Array) -> Array:
-    """Variances of the angles of a frame's results, or others where it has none."""
-    return otherwise if math.isnan(row.variance[0]) else row.variance
 
 
 _DIAGONAL = (np.arange(N_ANGLES), np.arange(N_ANGLES))

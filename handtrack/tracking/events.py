@@ -7,8 +7,12 @@ import re
 from collections.abc import Iterable
 from dataclasses import replace
 
+import numpy as np
+
+from handtrack.hand.skeleton import N_JOINTS
 from handtrack.mcap.hand import Event
 from handtrack.sequences.sequence import Remark
+from handtrack.tracking.block import Block
 from handtrack.tracking.frame import TrackedFrame
 from handtrack.tracking.track import Part
 
@@ -32,21 +36,45 @@ def frame_events(frames: list[TrackedFrame], before: TrackedFrame | None = None)
     return events
 
 
-def remark_events(remarks: Iterable[Remark], frames: list[TrackedFrame]) -> list[Event]:
+class EventsOf:
+    """The events of a hand's blocks, one after another."""
+
+    def __init__(self) -> None:
+        self._status = ""
+        self._rejected = np.zeros((1, N_JOINTS), np.bool_)
+
+    def __call__(self, block: Block) -> list[Event]:
+        """As `frame_events`, of the next block."""
+        fitted, status = block.fitted, block.status
+        changed = status != np.concatenate([[self._status], status[:-1]])
+        before = np.concatenate([self._rejected, fitted.rejected[:-1]])
+        newly = (fitted.rejected & ~before).any(1)
+        self._status, self._rejected = str(status[-1]), fitted.rejected[-1:]
+        events = []
+        for t in np.flatnonzero(changed | fitted.restart | newly).tolist():
+            level = "info" if status[t] == "fitted" else "warning"
+            words = (str(status[t]) if changed[t] else "", fitted.reasons[t])
+            time_ns = int(fitted.times_ns[t])
+            events.append(Event(time_ns, level, ": ".join(filter(None, words))))
+        return events
+
+
+def remark_events(remarks: Iterable[Remark], block: Block) -> list[Event]:
     """An event for every remark that begins in these frames."""
-    first, last = frames[0].time_ns, frames[-1].time_ns
+    times = block.fitted.times_ns
+    first, last = int(times[0]), int(times[-1])
     return [Event(r.first_ns, "info", r.text) for r in remarks if first <= r.first_ns <= last]
 
 
-def with_remarks(frames: list[TrackedFrame], remarks: Iterable[Remark]) -> list[TrackedFrame]:
+def with_remarks(block: Block, remarks: Iterable[Remark]) -> Block:
     """The frames, with each remark among the reasons of those that it is about."""
-    out = list(frames)
+    reasons, times = list(block.fitted.reasons), block.fitted.times_ns
     for remark in remarks:
-        for i, frame in enumerate(out):
-            if remark.first_ns <= frame.time_ns <= remark.last_ns:
-                reason = "; ".join(filter(None, (remark.text, frame.reason)))
-                out[i] = replace(frame, reason=reason)
-    return out
+        begin = int(np.searchsorted(times, remark.first_ns, "left"))
+        end = int(np.searchsorted(times, remark.last_ns, "right"))
+        for i in range(begin, end):
+            reasons[i] = "; ".join(filter(None, (remark.text, reasons[i])))
+    return replace(block, fitted=replace(block.fitted, reasons=reasons))
 
 
 def log_lines(track: Part, before: tuple[str, str] = ("fitted", "")) -> list[Event]:

@@ -6,6 +6,7 @@ them stands beside the raw fits.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Protocol
 
 import numpy as np
@@ -40,6 +41,9 @@ class PoseFilter(Protocol):
 
     def finish(self) -> Steadied:
         """The frames that are still to come; the filter is as new then."""
+
+    def rest(self) -> Iterator[Steadied]:
+        """As `finish`, some frames at a time."""
 
 
 def make_filter(settings: TrackerSettings, model: HandModel) -> PoseFilter | None:

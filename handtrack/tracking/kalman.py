@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from handtrack.kernels.kalman import LEAST_NOISE
 from handtrack.kernels.workspace import RESULT, UNFITTED, Records
 from handtrack.tracking import process_noise
 from handtrack.tracking.colour import LASTS_S, lasting_share
-from handtrack.tracking.filter_input import Frames
+from handtrack.tracking.filter_input import Frames, LongFrames
 from handtrack.tracking.process_noise import N_POSE
 from handtrack.tracking.settings import TrackerSettings
 
@@ -96,6 +97,10 @@ class KalmanFilter:
         """The frames that are still to come; the filter is as new then."""
         self.reset()
         return _no_frames()
+
+    def rest(self) -> Iterator[Steadied]:
+        """As `finish`, some frames at a time."""
+        yield self.finish()
 
     @property
     def with_model(self) -> tuple[Any, int, tuple[Any, ...]]:
@@ -189,6 +194,10 @@ class FixedLagFilter:
         self.reset()
         return out, notes["kind"] != NOTHING
 
+    def rest(self) -> Iterator[Steadied]:
+        """As `finish`, some frames at a time."""
+        yield self.finish()
+
 
 class Smoother:
     """Rauch, Tung and Striebel's smoother: results come when the sequence is finished.
@@ -219,20 +228,28 @@ class Smoother:
     def reset(self) -> None:
         """Forget everything."""
         self._kalman.reset()
-        self._parts: list[Frames] = []
+        self._inputs = LongFrames()
 
     def advance(self, frames: Frames) -> Steadied:
         """As `KalmanFilter.advance`; no frame is final."""
-        self._parts.append(frames)
+        self._inputs.append(frames)
         return _no_frames()
 
     def finish(self) -> Steadied:
         """As `KalmanFilter.finish`."""
-        if not self._parts:
-            return _no_frames()
-        inputs = Frames(*(np.concatenate(x) for x in zip(*self._parts, strict=True)))
+        parts = [_no_frames(), *self.rest()]
+        if len(parts) == 2:
+            return parts[1]
+        out, known = (np.concatenate(x) for x in zip(*parts, strict=True))
+        return out, known
+
+    def rest(self) -> Iterator[Steadied]:
+        """As `finish`, a window at a time."""
+        inputs = self._inputs
+        if not len(inputs):
+            return
         coupled, _, noise, gain, coast_ns, forget_s, *rest = self._settings
-        shown = inputs.raw["noise"]
+        shown = inputs.column("noise")
         if not noise and np.isfinite(shown).any():
             noise = max(float(np.nanmedian(shown)), LEAST_NOISE)
         share = 0.0
@@ -245,23 +262,26 @@ class Smoother:
         if self._drifting is not None and share > 0.0:
             self._kalman, forget_s = self._drifting, _FORGET_S
         kalman = self._kalman
+        reached = _within_reach(inputs.times_ns, np.isfinite(shown), coast_ns)
         try:
             kalman._settings = (coupled, int(follow), noise, gain, 2 * coast_ns, forget_s, *rest)
             if self._learn and not follow:
                 kalman._process = process_noise.process(self._learnt(inputs))
-            out, known = self._smoothed(inputs)
+            done = 0
+            for out, known in self._smoothed(inputs):
+                known &= reached[done : done + len(known)]
+                done += len(known)
+                out[~known] = UNFITTED
+                yield out, known
         finally:
             # as new, whatever stopped it (Ctrl-C, no memory)
             kalman._process, kalman._settings = self._process, self._settings
             self.reset()
             self._kalman = self._white
-        known &= _within_reach(inputs, coast_ns)
-        out[~known] = UNFITTED
-        return out, known
 
-    def _learnt(self, inputs: Frames) -> Array:
+    def _learnt(self, inputs: LongFrames) -> Array:
         """(26,) densities that make stretches of the sequence the likeliest."""
-        n = len(inputs.raw)
+        n = len(inputs)
         count = min(_STRETCHES, -(-n // _STRETCH))
         begins = np.linspace(0, max(n - _STRETCH, 0), count).astype(int)
         climber, work = process_noise.Climber(), np.zeros((motion.MATRICES, N_POSE, N_POSE))
@@ -271,44 +291,41 @@ class Smoother:
             likelihood, evidence = 0.0, np.zeros((2, N_POSE))
             for begin in begins:
                 self._kalman.reset()
-                part = inputs.part(slice(begin, begin + _STRETCH))
+                part = inputs.part(slice(int(begin), int(begin) + _STRETCH))
                 notes = self._kalman._run(part, kept)[1]
                 motion.motion_evidence(notes, kept[: len(notes)], work, evidence)
                 likelihood += float(notes["likelihood"].sum())
             if not climber.step(likelihood, evidence):
                 return climber.best
 
-    def _smoothed(self, inputs: Frames) -> Steadied:
-        n = len(inputs.raw)
+    def _smoothed(self, inputs: LongFrames) -> Iterator[Steadied]:
+        n = len(inputs)
         kalman = self._kalman
         kalman.reset()
-        out, known = np.full(n, UNFITTED), np.zeros(n, dtype=np.bool_)
         kept = np.zeros(min(n, _WINDOW + _BEYOND), kalman.kept)
         for begin in range(0, n, _WINDOW):
             last, end = min(begin + _WINDOW, n), min(begin + _WINDOW + _BEYOND, n)
-            notes = np.empty(end - begin, NOTE)
+            notes, given = np.empty(end - begin, NOTE), inputs.part(slice(begin, end))
             for a, b in ((begin, last), (last, end)):
-                part = inputs.part(slice(a, b))
                 place = slice(a - begin, b - begin)
-                notes[place] = kalman._run(part, kept[place])[1]
+                notes[place] = kalman._run(given.part(place), kept[place])[1]
                 if b == last:
                     at_last = kalman._state.copy()
-            kalman.smooth(
-                *kalman.with_model, 0, last - begin, notes, kept[: end - begin], out[begin:last]
-            )
-            known[begin:last] = notes["kind"][: last - begin] != NOTHING
+            out = np.full(last - begin, UNFITTED)
+            kalman.smooth(*kalman.with_model, 0, last - begin, notes, kept[: end - begin], out)
             kalman._state = at_last
-        return out, known
+            yield out, notes["kind"][: last - begin] != NOTHING
 
 
-def _within_reach(frames: Frames, coast_ns: int) -> NDArray[np.bool_]:
+def _within_reach(
+    times_ns: NDArray[np.int64], fits: NDArray[np.bool_], coast_ns: int
+) -> NDArray[np.bool_]:
     """(T,) which frames a smoother may speak of: in a gap between fits that it bridges, or no
     longer after the last fit than a filter coasts."""
-    times_ns = frames.times_ns
-    fitted = np.flatnonzero(np.isfinite(frames.raw["noise"]))
+    fitted = np.flatnonzero(fits)
     if not fitted.size:
         return np.zeros(len(times_ns), dtype=np.bool_)
-    after = np.searchsorted(fitted, np.arange(len(times_ns)), "right")
+    after = np.cumsum(fits)
     last = times_ns[fitted[np.maximum(after - 1, 0)]]
     following = times_ns[fitted[np.minimum(after, fitted.size - 1)]]
     bridged = (after < fitted.size) & (following - last <= 2 * coast_ns)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -68,6 +70,10 @@ class OneEuroFilter:
         """As `KalmanFilter.finish`."""
         self.reset()
         return np.empty(0, RESULT), np.empty(0, dtype=np.bool_)
+
+    def rest(self) -> Iterator[Steadied]:
+        """As `KalmanFilter.rest`."""
+        yield self.finish()
 
     def _take(self, row: np.void, dt: float) -> None:
         if not self._known:

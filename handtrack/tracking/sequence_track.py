@@ -16,16 +16,17 @@ from handtrack.deprecated import old_positions
 from handtrack.detectors.chosen import AUTO, seen_by
 from handtrack.detectors.profile import Profile
 from handtrack.errors import InputError
+from handtrack.files.long_arrays import release
 from handtrack.fitting.batch import fit_batch
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_JOINTS
 from handtrack.mcap.hand import Event, Head
 from handtrack.mcap.state import Stretch
 from handtrack.sequences.sequence import Sequence
-from handtrack.tracking.events import frame_events, remark_events, with_remarks
-from handtrack.tracking.frame import TrackedFrame, stretch_of_frames
+from handtrack.tracking.block import Block
+from handtrack.tracking.events import EventsOf, remark_events, with_remarks
 from handtrack.tracking.settings import TrackSettings
-from handtrack.tracking.track import Track, track_of
+from handtrack.tracking.track import LongTrack, Track
 from handtrack.tracking.tracker import OLD_ORDER, Tracker
 
 Array = NDArray[np.float64]
@@ -101,29 +102,27 @@ def track(
     events = [Event(int(sequence.time_ns[0]), "warning", note) for note in notes]
     if progress is not None:
         progress(0)
-    before, done = None, 0
-    stretches: list[Stretch] = []
-    for new in _stretches(tracker, sequence):
+    happened, made, done = EventsOf(), LongTrack(), 0
+    for block in _blocks(tracker, sequence):
         events += sorted(
-            frame_events(new, before) + remark_events(sequence.remarks, new),
+            happened(block) + remark_events(sequence.remarks, block),
             key=lambda event: event.time_ns,
         )
-        before = new[-1]
-        part = slice(done, done + len(new))
-        stretch = stretch_of_frames(
-            with_remarks(new, sequence.remarks),
+        part = slice(done, done + len(block))
+        stretch = with_remarks(block, sequence.remarks).stretch(
             head,
             sequence.frame_index[part],
             None if sequence.truth is None else sequence.truth[part],
             events,
         )
-        stretches.append(stretch)
+        made.append(stretch)
         events, done = [], part.stop
         if on_part is not None:
             on_part(stretch)
         if progress is not None:
             progress(done)
-    return track_of(stretches)
+        release()
+    return made.track()
 
 
 def _detector_said(settings: TrackSettings, profile: Profile | None) -> dict[str, str]:
@@ -188,15 +187,13 @@ def _input_said(sequence: Sequence) -> dict[str, Any]:
     return said
 
 
-def _stretches(tracker: Tracker, sequence: Sequence) -> Iterator[list[TrackedFrame]]:
+def _blocks(tracker: Tracker, sequence: Sequence) -> Iterator[Block]:
     """The frames of a sequence, some at a time, as they become final."""
     for t in range(0, len(sequence), _CHUNK):
         part = slice(t, t + _CHUNK)
         # copies: the sequence's own arrays are not to be written to
         joints, w = np.array(sequence.joints[part]), np.array(sequence.confidence[part])
-        new = tracker._advance(sequence.time_ns[part].tolist(), joints, w)
-        if new:
-            yield new
-    rest = tracker.finish()
-    for t in range(0, len(rest), _CHUNK):
-        yield rest[t : t + _CHUNK]
+        yield from tracker.advance(np.array(sequence.time_ns[part]), joints, w)
+    for block in tracker.rest():
+        for t in range(0, len(block), _CHUNK):
+            yield block.part(slice(t, t + _CHUNK))

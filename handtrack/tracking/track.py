@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from handtrack.deprecated import old_arguments, renamed
 from handtrack.errors import InputError
+from handtrack.files.long_arrays import Growing, GrowingTexts, blocks
 from handtrack.hand.model import HandModel
-from handtrack.hand.skeleton import ANGLE_JOINT, Hand
+from handtrack.hand.skeleton import ANGLE_JOINT, N_JOINTS, Hand
 from handtrack.mcap.hand import Event as Event
 from handtrack.mcap.hand import Head
 from handtrack.mcap.state import States, Stretch
@@ -203,8 +204,11 @@ class Track(States):
 
         The others are where the model has them, in a pose that is only expected.
         """
-        seen = np.isfinite(self.observed[..., 0]) & (self.confidence > 0) & ~self.rejected
-        fingers = np.asarray(seen.any(axis=0))[1:].reshape(5, 4)
+        seen = np.zeros(N_JOINTS, np.bool_)
+        for part in blocks(len(self)):
+            given = np.isfinite(self.observed[part, :, 0]) & (self.confidence[part] > 0)
+            seen |= (given & ~self.rejected[part]).any(axis=0)
+        fingers = seen[1:].reshape(5, 4)
         onwards = np.logical_or.accumulate(fingers[:, ::-1], axis=1)[:, ::-1]
         return np.concatenate([[True], onwards.ravel()])
 
@@ -249,25 +253,60 @@ def track_of(stretches: Sequence[Stretch], skin: Skin | None = None) -> Track:
         stretches: they.
         skin: as in `Track`.
     """
-    first = stretches[0]
-    head, arrays = first.head, first.arrays()
-    if len(stretches) > 1:
-        arrays = {
-            name: None if value is None else np.concatenate([getattr(s, name) for s in stretches])
-            for name, value in arrays.items()
+    made = LongTrack()
+    for stretch in stretches:
+        made.append(stretch)
+    return made.track(skin)
+
+
+class LongTrack:
+    """A track that grows by stretches of one hand; its arrays are on disk where they are long."""
+
+    def __init__(self) -> None:
+        self._head: Head | None = None
+        self._arrays: dict[str, Growing | GrowingTexts | None] = {}
+        self._events: list[Event] = []
+
+    def append(self, stretch: Stretch) -> None:
+        """The next frames."""
+        arrays = stretch.arrays()
+        if self._head is None:
+            self._head = stretch.head
+            self._arrays = {
+                name: None
+                if array is None
+                else GrowingTexts()
+                if array.dtype.kind == "U"
+                else Growing(array.shape[1:], array.dtype)
+                for name, array in arrays.items()
+            }
+        self._events += stretch.events
+        for name, kept in self._arrays.items():
+            if isinstance(kept, GrowingTexts):
+                kept.append(arrays[name].tolist())
+            elif kept is not None:
+                kept.append(arrays[name])
+
+    def track(self, skin: Skin | None = None) -> Track:
+        """The track so far, of one stretch or more."""
+        head = self._head
+        if head is None:
+            raise InputError("a track needs frames")
+        arrays: dict[str, Any] = {
+            n: None if kept is None else kept.whole() for n, kept in self._arrays.items()
         }
-    return Track(
-        name=head.name,
-        hand=head.hand,
-        model=head.model,
-        settings=head.settings,
-        version=head.version,
-        source=head.source,
-        subject=head.subject,
-        events=tuple(event for s in stretches for event in s.events),
-        skin=skin,
-        **arrays,
-    )
+        return Track(
+            name=head.name,
+            hand=head.hand,
+            model=head.model,
+            settings=head.settings,
+            version=head.version,
+            source=head.source,
+            subject=head.subject,
+            events=tuple(self._events),
+            skin=skin,
+            **arrays,
+        )
 
 
 def mean_and_max(distance: Array) -> tuple[Array, Array]:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +13,8 @@ from handtrack.deprecated import moved, old_positions
 from handtrack.errors import InputError, SettingsError
 from handtrack.fitting import solver
 from handtrack.hand.model import HandModel
-from handtrack.hand.skeleton import N_ANGLES
 from handtrack.kernels import workspace
+from handtrack.tracking.block import AllWaiting, Block, FewWaiting, Fitted, Waiting
 from handtrack.tracking.filter_input import Frames
 from handtrack.tracking.filters import make_filter, warm_up
 from handtrack.tracking.frame import TrackedFrame
@@ -67,8 +65,8 @@ class Tracker:
         self._gate = Gate(self._program, model, self.chosen) if self.chosen.gate else None
         self._filter = make_filter(self.chosen, model)
         self._coast_ns = self.chosen.coast_ns
-        self._lasting = np.square(np.deg2rad(self.chosen.lasting_deg or np.zeros(N_ANGLES)))
-        self._waiting: deque[tuple[int, Array, Array, solver.Results, int, Verdict]] = deque()
+        lasting = self.chosen.lasting_deg
+        self._lasting = np.square(np.deg2rad(lasting)) if lasting else None
         self.reset()
 
     @property
@@ -82,7 +80,7 @@ class Tracker:
             self._filter.reset()
         if self._gate is not None:
             self._gate.reset()
-        self._waiting.clear()
+        self._waiting = self._none_waiting()
         self._keep = solver.start_at(self.model)
         self._time_ns: int | None = None
         self._fitted_ns: int | None = None
@@ -122,122 +120,112 @@ class Tracker:
             where the filter waits.
         """
         observed, w = solver.observations(joints, confidence)
-        return self._advance((int(time_ns),), observed, w)
+        blocks = self.advance(np.array((int(time_ns),), np.int64), observed, w)
+        return [frame for block in blocks for frame in block.frames()]
 
     def finish(self) -> list[TrackedFrame]:
         """The frames that the filter has not given yet; it is as new then."""
-        if self._filter is None:
-            return []
-        try:
-            return self._given(*self._filter.finish())
-        finally:
-            # whatever stopped it: they are not of the frames that come next
-            self._waiting.clear()
+        return [frame for block in self.rest() for frame in block.frames()]
 
-    def _advance(
-        self, times_ns: list[int] | tuple[int, ...], observed: Array, w: Array
-    ) -> list[TrackedFrame]:
-        """Track the next frames: times (T,), joints (T, 21, 3), weights (T, 21).
+    def advance(self, times_ns: NDArray[np.int64], observed: Array, w: Array) -> list[Block]:
+        """As `push`, of the next frames.
 
-        Joints and weights are kept, and missing joints made clear in them.
+        Args:
+            times_ns: (T,) increasing, one or more [ns].
+            observed, w: (T, 21, 3) [m], NaN = missing, and (T, 21); they are kept, and missing
+                joints made clear in them.
         """
         if self._time_ns is not None and times_ns[0] <= self._time_ns:
             raise InputError(
                 f"time does not increase: the last frame was at {self._time_ns * 1e-9:.6f} s,"
                 f" this one is at {times_ns[0] * 1e-9:.6f} s"
             )
-        for t in range(1, len(times_ns)):
-            if times_ns[t] - times_ns[t - 1] > self._coast_ns:
-                before = self._advance(times_ns[:t], observed[:t], w[:t])
-                return before + self._advance(times_ns[t:], observed[t:], w[t:])
+        if len(times_ns) > 1:
+            pauses = np.flatnonzero(np.diff(times_ns) > self._coast_ns)
+            if pauses.size:
+                t = int(pauses[0]) + 1
+                before = self.advance(times_ns[:t], observed[:t], w[:t])
+                return before + self.advance(times_ns[t:], observed[t:], w[t:])
         if self._time_ns is not None and times_ns[0] - self._time_ns > self._coast_ns:
             # as after frames that were lost: the last pose is one start of two
             solver.forget(self._keep)
         results = solver.Results(len(times_ns), full=False)
         model, least = self.model, self.chosen.min_joints
         given, verdicts = w, [PLAIN] * len(times_ns)
+        times = times_ns.tolist()
         if self._gate is None:
             results.run(self._program, model, observed, w, self._keep, model.mean_angles, least)
         else:
             given = w.copy()
-            verdicts = self._gate.run(results, times_ns, observed, w, self._keep)
+            verdicts = self._gate.run(results, times, observed, w, self._keep)
             given[np.isnan(observed[..., 0])] = 0.0
-        self._time_ns = times_ns[-1]
-        frames = (
-            (time_ns, observed[t], given[t], results, t, verdicts[t])
-            for t, time_ns in enumerate(times_ns)
-        )
+        self._time_ns = times[-1]
+        fitted = self._fitted(times, times_ns, observed, given, results.rows, verdicts)
         steadied = None
         if self._filter is not None:
-            inputs = Frames(np.array(times_ns), observed, w, results.rows)
-            steadied = self._filter.advance(inputs)
+            steadied = self._filter.advance(Frames(times_ns, observed, w, results.rows))
         # gate and filter look at these again: whoever gets a frame may only read them
-        observed.setflags(write=False)
-        given.setflags(write=False)
-        results.rows.setflags(write=False)
+        for array in (observed, given, results.rows, fitted.rejected):
+            array.setflags(write=False)
         if steadied is None:
-            return [self._frame(*frame, None, False) for frame in frames]
-        self._waiting.extend(frames)
-        return self._given(*steadied)
+            none = np.zeros(len(fitted), np.bool_)
+            return [Block(fitted, results.rows, none, self._lasting)]
+        self._waiting.push(fitted)
+        return [self._given(*steadied)] if len(steadied[0]) else []
 
-    def _given(self, rows: workspace.Records, known: NDArray[np.bool_]) -> list[TrackedFrame]:
+    def rest(self) -> Iterator[Block]:
+        """As `finish`, some frames at a time."""
+        if self._filter is None:
+            return
+        try:
+            for steadied in self._filter.rest():
+                if len(steadied[0]):
+                    yield self._given(*steadied)
+        finally:
+            # whatever stopped it: they are not of the frames that come next
+            self._waiting = self._none_waiting()
+
+    def _none_waiting(self) -> Waiting:
+        return AllWaiting() if self.chosen.filter.name == "rts" else FewWaiting()
+
+    def _given(self, steady: workspace.Records, known: NDArray[np.bool_]) -> Block:
         """The next frames that wait, with what the filter makes of them."""
-        rows.setflags(write=False)
-        return [
-            self._frame(*self._waiting.popleft(), row, known_)
-            for row, known_ in zip(rows, known.tolist(), strict=True)
-        ]
+        steady.setflags(write=False)
+        return Block(self._waiting.pop(len(steady)), steady, known, self._lasting)
 
-    def _frame(
+    def _fitted(
         self,
-        time_ns: int,
+        times: list[int],
+        times_ns: NDArray[np.int64],
         observed: Array,
-        w: Array,
-        results: solver.Results,
-        t: int,
-        verdict: Verdict,
-        filtered: np.void | None,
-        known: bool,
-    ) -> TrackedFrame:
-        row = results.row(t)
-        fitted = not math.isnan(row.objective)
-        reason = ""
-        if row.state == workspace.TOO_FEW:
-            reason = f"{row.seen} of 21 joints observed, {self.chosen.min_joints} needed"
-        elif row.state == workspace.UNDERDETERMINED:
-            reason = "the observed joints lie on a line"
-        elif row.state not in (workspace.CONVERGED, REJECTED):
-            reason = solver.STATUS[row.state]
-        reason = "; ".join(filter(None, (verdict.reason, reason)))
-        restart = verdict.restart
-        if fitted:
-            gone_ns = 0 if self._fitted_ns is None else time_ns - self._fitted_ns
-            if gone_ns > self._coast_ns:
-                restart, found = True, f"found again after {1e-9 * gone_ns:.2f} s"
-                reason = "; ".join(filter(None, (found, reason)))
-            self._fitted_ns = time_ns
-        steady = row if filtered is None else solver.Row(*filtered.item())
-        variance = solver.variance_of(steady, row.variance)
-        if self.chosen.lasting_deg:
-            # residuals have what lasts in them too, so the two are not added
-            variance = np.maximum(variance, self._lasting)
-        return TrackedFrame(
-            time_ns=time_ns,
-            observed=observed,
-            confidence=w,
-            angles_raw=row.angles,
-            angles=steady.angles,
-            quaternion_raw=row.quaternion,
-            quaternion=steady.quaternion,
-            translation_raw=row.translation,
-            translation=steady.translation,
-            fitted_joints=row.joints,
-            filtered_joints=steady.joints,
-            angle_variance=variance,
-            objective=row.objective,
-            iterations=row.sweeps + row.steps,
-            status="fitted" if fitted else "predicted" if known else "lost",
-            reason=reason,
-            rejected=verdict.rejected,
-            restart=restart,
-        )
+        given: Array,
+        raw: workspace.Records,
+        verdicts: list[Verdict],
+    ) -> Fitted:
+        """Frames, with what is to be said of them."""
+        rejected = np.array([verdict.rejected for verdict in verdicts])
+        restart = np.zeros(len(times), np.bool_)
+        reasons = [""] * len(times)
+        states = (raw[name].tolist() for name in ("objective", "seen", "state"))
+        for t, (time_ns, objective, seen, state, verdict) in enumerate(
+            zip(times, *states, verdicts, strict=True)
+        ):
+            found = ""
+            if objective == objective:  # not NaN: it is fitted
+                gone_ns = 0 if self._fitted_ns is None else time_ns - self._fitted_ns
+                if gone_ns > self._coast_ns:
+                    restart[t], found = True, f"found again after {1e-9 * gone_ns:.2f} s"
+                self._fitted_ns = time_ns
+            if found or state != workspace.CONVERGED or verdict is not PLAIN:
+                why = self._why(state, seen)
+                reasons[t] = "; ".join(filter(None, (found, verdict.reason, why)))
+                restart[t] |= verdict.restart
+        return Fitted(times_ns, observed, given, raw, reasons, rejected, restart)
+
+    def _why(self, state: int, seen: int) -> str:
+        """The state of a fit in words."""
+        if state == workspace.TOO_FEW:
+            return f"{seen} of 21 joints observed, {self.chosen.min_joints} needed"
+        if state == workspace.UNDERDETERMINED:
+            return "the observed joints lie on a line"
+        return "" if state in (workspace.CONVERGED, REJECTED) else solver.STATUS[state]

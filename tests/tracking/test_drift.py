@@ -13,7 +13,7 @@ from handtrack.kernels.drift import LEAST_UNIT
 from handtrack.kernels.workspace import UNFITTED
 from handtrack.tracking import process_noise
 from handtrack.tracking.colour import lasting_share
-from handtrack.tracking.filter_input import Frames
+from handtrack.tracking.filter_input import Frames, LongFrames
 from handtrack.tracking.kalman import DriftingFilter, KalmanFilter
 from tools.bench.rendered.__main__ import DATA
 from tools.bench.rendered.cases import TRIANGULATED, Case, cases
@@ -150,12 +150,12 @@ def test_residuals_show_whether_noise_lasts():
     """In a sequence and in a stream: none of white noise, all of noise that lasts; less of both."""
     white, _ = noisy(None)
     long, truth = noisy(0.3)
-    share, moving_part = lasting_share(long, 0.1)
-    assert lasting_share(white, 0.1)[0] == 0.0
+    share, moving_part = lasting_share(LongFrames.of(long), 0.1)
+    assert lasting_share(LongFrames.of(white), 0.1)[0] == 0.0
     assert share > 0.9
     assert moving_part > 0.8
     mixed = long.joints + 4e-3 * np.random.default_rng(5).normal(size=truth.shape)
-    half = lasting_share(frames_of(long.times_ns, mixed), 0.1)[0]
+    half = lasting_share(LongFrames.of(frames_of(long.times_ns, mixed)), 0.1)[0]
     assert 0.2 < half < 0.8
     for frames, least, most in ((white, 0.0, 0.1), (long, 0.8, 1.0)):
         made = DriftingFilter(MODEL, steady("kalman"))
@@ -166,7 +166,7 @@ def test_residuals_show_whether_noise_lasts():
 def test_what_a_clean_hand_leaves_is_no_noise():
     """Errors that last of a tenth of a millimetre are the hand's own."""
     clean, _ = noisy(0.3, size=1e-4)
-    assert lasting_share(clean, 0.1)[0] == 0.0
+    assert lasting_share(LongFrames.of(clean), 0.1)[0] == 0.0
     made = DriftingFilter(MODEL, steady("kalman"))
     made._run(clean, None)
     assert made._state[0]["share"] == 0.0
@@ -178,7 +178,7 @@ def test_a_hand_that_does_not_fit_is_no_noise():
     offset = np.random.default_rng(6).normal(0, 0.02, (21, 3))
     turned = moving(150)[2] @ offset[..., None][:, None]
     off = frames_of(frames.times_ns, frames.joints + turned[..., 0].swapaxes(0, 1))
-    share, part = lasting_share(off, 0.1)
+    share, part = lasting_share(LongFrames.of(off), 0.1)
     white, lasts = colour.parts_of.py_func(share, part)
     level = np.nanmedian(off.raw["noise"])
     own = np.nanmedian(frames.raw["noise"])
