@@ -19,6 +19,7 @@ from handtrack.sequences.clock import Stamps, read_clock
 from handtrack.sequences.readers.found import is_blank
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.landmark_lines import LandmarkLines, is_text_line
+from handtrack.sequences.readers.missing import blanks_as_null
 from handtrack.sequences.readers.record_times import stamps_of
 from handtrack.sequences.readers.records import read_records
 
@@ -161,6 +162,7 @@ def _values(
 
 def _read(value: Any, n: int, came: float, where: Path, given: Given, hand: Hand | None) -> _Line:
     read = _Line(n, where, came, {}, {}, stamps_of([value], ["the line"]))
+    (value,) = blanks_as_null([value])
     if is_blank(value):
         return read
     for raw in read_records([value], ["the line"], where):

@@ -286,9 +286,8 @@ def _place(value: Any) -> Any:
 
 
 def _blank(like: list[Any]) -> list[Any]:
-    return (
-        [[None] * 3] * len(like) if any(isinstance(v, list) for v in like) else [None] * len(like)
-    )
+    one = [None] * 3 if any(isinstance(v, list | dict) for v in like) else None
+    return [one] * len(like)
 
 
 def _misfit(items: list[Any], what: str) -> str:

@@ -252,6 +252,8 @@ def _under(frame: dict[str, Any], key: str, label: Any) -> list[Found]:
     value, said = frame[key], joints_key(key)
     side = None if said is None else said.hand
     label = label if side is None else side
+    if value == [None]:  # one hand, which was not seen
+        value = []
     if value == [] or value is None:
         return [_found(frame, None, key, label)] if value is None or label is not None else []
     if not _is_several(value):

@@ -31,6 +31,7 @@ from handtrack.sequences.readers.fields import as_frames, from_fields
 from handtrack.sequences.readers.flat_json import with_depth
 from handtrack.sequences.readers.found import CONTAINERS, MOST_NAMES, hands_in
 from handtrack.sequences.readers.jsontext import decode
+from handtrack.sequences.readers.missing import blanks_as_null, is_blank
 from handtrack.sequences.readers.pictures import flat
 from handtrack.sequences.readers.points import are_points
 from handtrack.sequences.readers.raw import NotJointsError, Raw, stem
@@ -147,11 +148,13 @@ def _from_value(value: Any, path: Path) -> list[Raw]:
     if in_pictures is not None:
         return in_pictures
     if isinstance(value, dict):
+        value = blanks_as_null([value])[0] or value
         return _of_source([value], ["the object"], path) or _with_world(_object(value, path), value)
     if not isinstance(value, list):
         raise NotJointsError("no joints in it: expected a list of frames or an object", path)
     if not value:
         raise InputError("the list of frames is empty", path)
+    value = blanks_as_null(value)
     if not any(isinstance(v, list | int | float | dict) for v in value):
         raise NotJointsError("no joints in it: the list holds no frames", path)
     if _are_frames(value):
@@ -175,7 +178,7 @@ def _are_frames(value: list[Any]) -> bool:
     """Whether a list is of frames that only `read_records` can read."""
     if are_points(value):
         return False
-    some = next((v for v in value if v not in (None, [], {})), None)
+    some = next((v for v in value if not is_blank(v)), None)
     if isinstance(some, dict):
         return True
     return isinstance(some, list) and any(isinstance(v, dict) for v in some)
@@ -228,7 +231,7 @@ def _numbered(value: dict[str, Any]) -> list[Any]:
     said = [_NUMBER.fullmatch(key) for key in value]
     if len(value) < 2 or not all(said) or len({m[1].lower() for m in said if m is not None}) > 1:
         return []
-    if not all(v is None or (isinstance(v, list) and are_points(v)) for v in value.values()):
+    if not all(v in (None, []) or (isinstance(v, list) and are_points(v)) for v in value.values()):
         return []
     numbers = {int(m[2]): v for m, v in zip(said, value.values(), strict=True) if m is not None}
-    return [{"frame": n, "joints": numbers[n]} for n in sorted(numbers)]
+    return [{"frame": n, "joints": numbers[n] or None} for n in sorted(numbers)]

@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 
 from handtrack.errors import InputError
+from handtrack.sequences.readers.missing import texts_as_null
 
 _BYTE = re.compile(r" \(byte (\d+)\)$")
 # Python's json module writes NaN, which JSON does not have
@@ -26,7 +27,7 @@ def as_utf8(data: bytes) -> bytes:
 
 
 def decode(data: bytes, kind: Any, path: str | Path, first_line: int = 1) -> Any:
-    """Decode JSON text as `kind`; NaN reads as null.
+    """Decode JSON text as `kind`; NaN reads as null, and where any kind will do so do "" and "NaN".
 
     Args:
         data: UTF-8 text, with or without a byte order mark.
@@ -41,6 +42,8 @@ def decode(data: bytes, kind: Any, path: str | Path, first_line: int = 1) -> Any
     data = data.removeprefix(b"\xef\xbb\xbf")
     if b"NaN" in data:
         data = _NAN.sub(b"null", data)
+    if kind is Any or kind == list[Any]:  # fields of a known type may be texts, and empty
+        data = texts_as_null(data)
     try:
         return msgspec.json.decode(data, type=kind)
     except msgspec.ValidationError as error:

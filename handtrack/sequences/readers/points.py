@@ -60,11 +60,11 @@ class Points(NamedTuple):
 def are_points(value: Any) -> bool:
     """Whether a JSON value could be the joints of a hand in one frame."""
     if isinstance(value, list):
-        if len(value) in _FLAT and isinstance(value[0], int | float):
-            return True
         some = value[0] if value else None
         if some is None:
             some = next((v for v in value if v is not None), None)
+        if len(value) in _FLAT and isinstance(some, int | float):
+            return True
         if isinstance(some, dict):
             return _is_point(some)
         return isinstance(some, list) and len(value) in COUNTS and len(some) in (3, 4, 16)
@@ -241,7 +241,8 @@ def _without_fingers(value: dict[str, Any]) -> dict[str, Any]:
 
 def _is_finger(value: Any) -> bool:
     if isinstance(value, list):
-        return 1 <= len(value) <= 5 and all(_looks_placed(v) for v in value)
+        seen = [v for v in value if v is not None and v not in ([], {})]
+        return 1 <= len(value) <= 5 and bool(seen) and all(_looks_placed(v) for v in seen)
     if not isinstance(value, dict) or _is_point(value):
         return False
     return bool(value) and all(v is None or _looks_placed(v) for v in value.values())
@@ -285,7 +286,7 @@ def _point(given: Any, where: str, path: Path) -> Array:
         point: dict[str, Any] = value
         axes = next((keys for keys in AXES if all(k in point for k in keys)), None)
         value = [point[k] for k in axes] if axes else (value or None)
-    if value is None:
+    if value is None or value == []:
         return np.full(3, np.nan)
     try:
         numbers = np.array(value, dtype=np.float64)

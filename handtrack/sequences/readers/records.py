@@ -19,6 +19,7 @@ from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import words
 from handtrack.sequences.readers.fields import RATES, UNIT_KEYS, as_frames
 from handtrack.sequences.readers.found import Found, hands_in, names_hands, side_of
+from handtrack.sequences.readers.missing import blanks_as_null
 from handtrack.sequences.readers.pictures import seen_in_picture
 from handtrack.sequences.readers.points import are_points, read_points
 from handtrack.sequences.readers.points_together import read_many
@@ -73,6 +74,7 @@ def read_records(
         InputError: a frame or a joint that cannot be read.
     """
     about = about or {}
+    values = blanks_as_null(list(values))
     hands = _grouped(values, places, path, about)
     _refuse_meant(values, places, path)
     said = {k: _first(values, (k,), about) for k in ("order", "name", "subject")}
