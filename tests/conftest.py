@@ -31,20 +31,61 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     return 0 if named else min(os.cpu_count() or 1, 8)
 
 
-_COMPILE = """
+_TRACK = """
 import sys, handtrack as ht
 (sample,) = ht.load(sys.argv[1])
-ht.track(sample, filter="kalman")
+for settings in {settings}:
+    ht.track(sample, **settings)
 """
+# what most tests need, in rounds: of each the programs run at the same time
+_COMPILED = (
+    ([{"filter": "none"}],),
+    tuple(
+        [{"filter": name, "noise_colour": colour} for name in ("kalman", "rts", "fixed-lag")]
+        for colour in ("white", 0.2)
+    ),
+)
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile once, before several processes would do it at the same time."""
+    """Compile once, on all cores, before several processes would do the same at the same time."""
     several = getattr(config.option, "tx", None) and not hasattr(config, "workerinput")
     if several and config.option.dist != "no":
-        # what fails here fails in the tests, and is told there
-        sample = ROOT / "recordings" / "sample.npz"
-        subprocess.run([sys.executable, "-c", _COMPILE, str(sample)], stderr=subprocess.DEVNULL)
+        config.option.loadscopereorder = False  # files as they stand: see `_LONG`
+        sample = str(ROOT / "recordings" / "sample.npz")
+        for programs in _COMPILED:
+            running = [
+                subprocess.Popen(
+                    [sys.executable, "-c", _TRACK.format(settings=settings), sample],
+                    stderr=subprocess.DEVNULL,
+                )
+                for settings in programs
+            ]
+            # what fails here fails in the tests, and is told there
+            for process in running:
+                process.wait()
+
+
+# those that take longest: begun last, one of them would keep a process alone with it
+_LONG = (
+    "tools/docs/test_documents.py",
+    "tracking/test_drift.py",
+    "test_pipeline.py",
+    "brought/test_table.py",
+    "brought/test_shared_cases.py",
+    "batching/test_batch.py",
+    "auditing/test_audit.py",
+    "cli/test_cli_track.py",
+    "cli/test_cli_recordings.py",
+    "calibration/test_bundle.py",
+    "tools/paper/test_paper_tables.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long files first."""
+    place = {ROOT / "tests" / name: i for i, name in enumerate(_LONG)}
+    items.sort(key=lambda item: place.get(item.path, len(place)))
 
 
 @pytest.fixture(scope="session")

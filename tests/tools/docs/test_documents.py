@@ -122,7 +122,7 @@ def pictures(folder: Path) -> None:
     if not importlib.util.find_spec("av") or not all(path.is_file() for path in found.values()):
         return
     for name, source in found.items():
-        beginning(source, folder / name, 20)
+        beginning(source, folder / name, 20 if "stereo" in source.parts else 12)
     tables = []
     for i in (0, 1):
         lens = rows_of_numbers(data / "stereo" / "camera_parameters" / f"c{i}.dat")
