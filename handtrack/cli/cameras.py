@@ -132,6 +132,8 @@ def from_cameras(
             if not stored and reading.hand not in ("auto", views.hand):
                 continue
             views = _told(views, found, reading)
+            if len(used) > 1:
+                _check_size(views, lens)
             model = _hand(views, models, calibrate, detector, stored)
             followed = follow(views, model)
             # what follows are joint centres
@@ -239,6 +241,32 @@ def _people(
             )
         seen.append(people)
     return [[people[k] for people in seen] for k in range(len(seen[0]))], stored
+
+
+def _check_size(views: Views, lens: Lens) -> None:
+    """Where cameras are in another unit than said, so is the hand that they see.
+
+    Raises:
+        InputError: no hand has that size.
+    """
+    from handtrack.sequences.size import PLAUSIBLE_PALM, USUAL_PALM, palm_length
+
+    palm = palm_length(views.points)
+    low, high = PLAUSIBLE_PALM
+    if not low <= palm <= high and palm == palm:
+        adult = sum(USUAL_PALM) / 2
+        unit = (
+            f"{palm / adult:.2g} times shorter"
+            if palm > adult
+            else f"{adult / palm:.2g} times longer"
+        )
+        said = "" if lens.board_unit is None else f" with --board-unit {lens.board_unit}"
+        raise InputError(
+            f"the hand would be {palm:.3g} m from wrist to knuckles{said}: --board-unit says the"
+            " unit of the cameras' translations, m, cm, mm or the length of a board's square as in"
+            f" 42mm; one about {unit} would fit",
+            lens.file,
+        )
 
 
 def _hand(

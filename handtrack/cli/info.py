@@ -60,14 +60,16 @@ def _print(about: dict[str, Any]) -> None:
         click.echo(
             f"    {', '.join(counts)}; {hand['events']:,} events, {hand['warnings']} warnings"
         )
+        cameras = hand["settings"].get("cameras")
+        pixels = cameras.get("reprojection_px") if isinstance(cameras, dict) else None
         for against, error in hand["error_mm"].items():
+            if against == "observed" and isinstance(pixels, dict):
+                continue  # what was observed is in pictures
             numbers = ", ".join(
                 f"{name} {'beyond all numbers' if value is None else f'{value:.2f}'}"
                 for name, value in error.items()
             )
             click.echo(f"    error to the {shown(against)} joints, mm: {numbers}")
-        cameras = hand["settings"].get("cameras")
-        pixels = cameras.get("reprojection_px") if isinstance(cameras, dict) else None
         if isinstance(pixels, dict):
             numbers = ", ".join(f"{shown(name)} {_short(value)}" for name, value in pixels.items())
             click.echo(f"    reprojection error in {cameras.get('views')} cameras, px: {numbers}")

@@ -79,6 +79,18 @@ def test_what_does_not_fit_is_said(seen, capsys):
     assert stack_in(Path("joints.npy")) is None
 
 
+@pytest.mark.parametrize(
+    ("said", "fits"), [([], "23 times shorter"), (["--board-unit", "mm"], "44 times longer")]
+)
+def test_cameras_in_a_unit_that_makes_no_hand(seen, capsys, said, fits):
+    np.savez("seen.npz", uv=seen)
+    assert run(["track", "seen.npz", "--camera", "dats", *said]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("error: dats: the hand would be ")
+    assert fits in err
+    assert not Path("recordings").exists()
+
+
 def test_the_real_detections(tmp_path, monkeypatch):
     data = Path(__file__).resolve().parents[3] / "shared" / "data" / "stereo"
     if not data.is_dir():
