@@ -52,7 +52,7 @@ _WHERE = {
     "load_hand": "hand.hand_file",
     "Sequence": "sequences.sequence",
     "Remark": "sequences.sequence",
-    "load": "sequences.load",
+    "load": "video.loading",
     "repair_identity": "sequences.identity",
     "Camera": "cameras.camera",
     "load_cameras": "cameras.formats",
@@ -191,7 +191,6 @@ if TYPE_CHECKING:
     from handtrack.recording.settings import RecordingSettings as RecordingSettings
     from handtrack.recording.write import write_mcap as write_mcap
     from handtrack.sequences.identity import repair_identity as repair_identity
-    from handtrack.sequences.load import load as load
     from handtrack.sequences.sequence import Remark as Remark
     from handtrack.sequences.sequence import Sequence as Sequence
     from handtrack.tracking.frame import TrackedFrame as TrackedFrame
@@ -203,6 +202,7 @@ if TYPE_CHECKING:
     from handtrack.tracking.track import Skin as Skin
     from handtrack.tracking.track import Track as Track
     from handtrack.tracking.tracker import Tracker as Tracker
+    from handtrack.video.loading import load as load
     from handtrack.viewer.live_viewer import LiveViewer as LiveViewer
     from handtrack.viewer.replay import replay as replay
     from handtrack.viewer.rerun_log import log_rerun as log_rerun

@@ -13,7 +13,6 @@ from handtrack.errors import InputError, SettingsError
 if TYPE_CHECKING:
     from handtrack import Sequence, Track
     from handtrack.evaluation.measure import Estimate
-    from handtrack.hand.skeleton import Hand
     from handtrack.sequences.load import PassedOver
     from handtrack.sequences.picture_landmarks import PictureLandmarks
     from handtrack.video.detections import Detections
@@ -89,11 +88,9 @@ class Reading(NamedTuple):
         Raises:
             SettingsError: one is given.
         """
-        if any(o is not None for o in (self.unit, self.order, self.format, self.mirror)):
-            raise SettingsError(
-                f"{path}: --unit, --order, --format and --mirror are for joint sequences, not"
-                " pictures"
-            )
+        from handtrack.video.loading import check_picture_options
+
+        check_picture_options(path, self._asdict())
 
     def detect(self, path: Path, quiet: bool = False) -> Detections:
         """The hands in a video or in images."""
@@ -124,12 +121,10 @@ class Reading(NamedTuple):
 
     def labelled(self, found: Detections) -> list[Sequence]:
         """The joints of detected hands, labelled as the user wants them."""
-        from handtrack.sequences.hands import CHOICES, label_hands
+        from handtrack.sequences.hands import CHOICES
+        from handtrack.video.detections import labelled
 
-        labels: list[Hand | None] = list(found.hands)
-        choice = next(c for c in CHOICES if c == self.hand)
-        tagged = [False] * len(labels)
-        return label_hands(found.sequences(), labels, tagged, choice, len(labels) > 1)
+        return labelled(found, next(c for c in CHOICES if c == self.hand))
 
     @property
     def frame_range(self) -> tuple[int, int] | None:

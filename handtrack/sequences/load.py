@@ -60,7 +60,8 @@ def load(
     AssemblyHands, folders of DexYCB labels, of HO-3D's and of FrankMocap's pickles (in which
     nothing is run), MANO parameters (with your MANO), WebXR and OpenXR streams, FPHA
     `skeleton.txt`, Leap Motion recordings, MCAP files with JSON joints, and handtrack's own MCAP
-    recordings. Each hand of each person is a sequence of its own. What the user should know (a
+    recordings; and videos, images and folders of images, in which MediaPipe finds the hands (extra
+    `video`). Each hand of each person is a sequence of its own. What the user should know (a
     doubtful hand, an assumed frame rate) stands in `Sequence.notes`.
 
     Args:

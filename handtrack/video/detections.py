@@ -14,6 +14,7 @@ from handtrack.errors import InputError, NoHandError
 from handtrack.files.pictures import pictures_in
 from handtrack.files.whole import whole_file
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
+from handtrack.sequences.hands import HandChoice, label_hands
 from handtrack.sequences.sequence import Sequence
 from handtrack.video.detector import Detection, Detector, MediaPipeDetector
 from handtrack.video.hand_tracks import HandTracks
@@ -169,6 +170,18 @@ def detect(
         raise NoHandError(f"{source}: no hand was found in {len(rows)} frames")
     found = _gathered(source, size, times, index, [tracks.named(row) for row in rows])
     return replace(found, fps=fps, still=still, detector=name)
+
+
+def labelled(found: Detections, choice: HandChoice = "auto") -> list[Sequence]:
+    """The joints of detected hands, labelled as the user wants them.
+
+    Args:
+        found: they.
+        choice: as in `handtrack.load`.
+    """
+    labels: list[Hand | None] = list(found.hands)
+    tagged = [False] * len(labels)
+    return label_hands(found.sequences(), labels, tagged, choice, len(labels) > 1)
 
 
 def _gathered(
