@@ -25,6 +25,7 @@ from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import as_side, words
 from handtrack.sequences.readers import text_table
 from handtrack.sequences.readers.both_hands import two_hands
+from handtrack.sequences.readers.exported import OBSERVED, TRUTH
 from handtrack.sequences.readers.raw import NotJointsError, Raw, as_fps, stem, take_rows
 
 if TYPE_CHECKING:
@@ -34,7 +35,6 @@ PARQUET_MAGIC = b"PAR1"
 _WIDTHS = (63, 126)
 _MOST_COLUMNS = 5000
 _INFO = 10_000_000
-_OBSERVED = "observed_"
 
 
 def read_parquet(path: Path) -> list[Raw]:
@@ -119,7 +119,7 @@ def _read_flat(table: pyarrow.Table, path: Path) -> list[Raw]:
 def _of_export(table: pyarrow.Table) -> tuple[pyarrow.Table, Any]:
     """What was observed, and the hand, of a table that `handtrack export` wrote; others whole."""
     about = (table.schema.metadata or {}).get(b"handtrack")
-    observed = [n for n in table.column_names if n.startswith(_OBSERVED)]
+    observed = [n for n in table.column_names if n.startswith((OBSERVED, TRUTH))]
     if about is None or not observed:
         return table, as_side(
             (table.schema.metadata or {}).get(b"hand", b"").decode("utf-8", "replace")
@@ -129,8 +129,7 @@ def _of_export(table: pyarrow.Table) -> tuple[pyarrow.Table, Any]:
     except msgspec.DecodeError:
         hand = None
     keep = [n for n in ("frame", "time_ns") if n in table.column_names]
-    names = [*keep, *(n.removeprefix(_OBSERVED) for n in observed)]
-    return table.select([*keep, *observed]).rename_columns(names), as_side(str(hand))
+    return table.select([*keep, *observed]), as_side(str(hand))
 
 
 def _is_flat(kind: Any) -> bool:

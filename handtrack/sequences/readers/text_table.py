@@ -22,6 +22,7 @@ import numpy as np
 from handtrack.errors import InputError
 from handtrack.sequences.readers.aria import InDevice
 from handtrack.sequences.readers.bare_table import read_bare
+from handtrack.sequences.readers.exported import exported
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.long_columns import long_columns
 from handtrack.sequences.readers.long_table import read_long
@@ -56,30 +57,38 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
     table.titles = doubled(table.titles)
     if table.width > _MOST_COLUMNS:
         raise NotJointsError(f"a table of {table.width} columns is of no hands", path)
+    own = exported(table.titles)
+    if own is not None:
+        return _of_export(table, *own)
     long = long_columns(table, table.titles, path)
     if long is not None:
         return read_long(table.titles, long)
-    columns = read_columns(table.titles, path)
+    return _read_titled(table, table.titles, path)
+
+
+def _read_titled(table: Table, titles: list[str], path: Path) -> list[Raw]:
+    """The sequences of a table with a row for each frame; errors as `read_table`."""
+    columns = read_columns(titles, path)
     if not table.lines:
         raise InputError("a header, but no frames", path)
     table.check_width()
-    stamps, note = stamps_in(table, table.titles, columns)
+    stamps, note = stamps_in(table, titles, columns)
     frame = None
     if columns.frame is not None:
-        title = table.titles[columns.frame]
+        title = titles[columns.frame]
         values = table.numbers([columns.frame], [title])[:, 0]
         frame = frame_numbers(values, len(values), path, title)
     label = label_column(table, columns)
     notes = [note] if note else []
-    if columns.unit is None and is_manus(table.titles):
+    if columns.unit is None and is_manus(titles):
         columns.unit = "cm"
         notes.append("Manus Core's columns: read as cm")
-    unused = [*columns.unused, *(table.titles[c] for c in columns.maybe_label if c != label)]
+    unused = [*columns.unused, *(titles[c] for c in columns.maybe_label if c != label)]
     if unused:
         notes.append(f"columns not used: {', '.join(unused[:8])}")
     raws = []
     for hand, places in columns.hands.items():
-        joints, confidence = _joints(table, table.titles, places)
+        joints, confidence = _joints(table, titles, places)
         raw = Raw(
             joints,
             path,
@@ -93,11 +102,21 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
             notes=tuple(notes),
         )
         raw = flat(raw) if places.flat else seen_in_picture(raw, table.normalised)
-        parts = by_hand(raw, table, table.titles, columns, label)
+        parts = by_hand(raw, table, titles, columns, label)
         if columns.order == "umetrack":
             parts = [replace(part, pending=InDevice()) for part in parts]
         raws += parts
         notes = []
+    return raws
+
+
+def _of_export(table: Table, observed: list[str], truth: list[str] | None) -> list[Raw]:
+    """What was observed, and the truth, of a table that `handtrack export` wrote."""
+    raws = _read_titled(replace(table, titles=observed), observed, table.path)
+    if truth is not None:
+        (places,) = read_columns(truth, table.path).hands.values()
+        for raw in raws:
+            raw.truth, _ = _joints(table, truth, places)
     return raws
 
 
