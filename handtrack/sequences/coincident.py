@@ -12,7 +12,8 @@ from handtrack.sequences.readers.raw import Array
 from handtrack.sequences.size import palm_length
 from handtrack.sequences.skeleton_check import misfit
 
-_DIRECTION = np.array([1.0, math.pi, math.e]) / np.linalg.norm([1.0, math.pi, math.e])
+_AXIS = np.array([1.0, math.pi, math.e]) / np.linalg.norm([1.0, math.pi, math.e])
+_DIRECTIONS = (_AXIS, np.roll(_AXIS, 1), np.roll(_AXIS, 2))
 # joints are at one place if this near, over the palm's length
 _NEAR = 1e-3
 # with so many others at its place none is to be believed
@@ -32,9 +33,12 @@ def without_coincident(joints: Array) -> tuple[Array, list[str]]:
     near = _NEAR * palm_length(joints)
     if not near > 0:
         near = 0.0
-    # only frames in which two may be near are looked at closely
-    line = np.sort(np.nan_to_num(joints, posinf=0.0, neginf=0.0) @ _DIRECTION, axis=1)
-    frames = np.flatnonzero((np.diff(line, axis=1) <= near).any(1))
+    # only frames in which two may be near, seen from three sides, are looked at closely
+    known = np.nan_to_num(joints, posinf=0.0, neginf=0.0)
+    frames = np.arange(len(joints))
+    for direction in _DIRECTIONS:
+        line = np.sort(known[frames] @ direction, axis=1)
+        frames = frames[(np.diff(line, axis=1) <= near).any(1)]
     x = joints[frames]
     same = np.zeros((len(x), N_JOINTS, N_JOINTS), dtype=bool)
     for a, b in combinations(range(N_JOINTS), 2):

@@ -36,12 +36,13 @@ def palm_length(joints: Array) -> float:
     Returns:
         In the joints' unit; NaN if no bone is ever complete.
     """
-    with np.errstate(over="ignore", invalid="ignore"):  # what is no place is refused later
-        bones = np.linalg.norm(joints[:, 1:] - joints[:, PARENTS[1:]], axis=-1)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing are NaN, as meant
-        palm = float(np.nanmedian(np.nanmean(bones[:, BASES[1:] - 1], axis=1)))
+    with warnings.catch_warnings(), np.errstate(over="ignore", invalid="ignore"):
+        # what is no place is refused later; means of nothing are NaN, as meant
+        warnings.simplefilter("ignore", RuntimeWarning)
+        palms = np.linalg.norm(joints[:, BASES[1:]] - joints[:, :1], axis=-1)
+        palm = float(np.nanmedian(np.nanmean(palms, axis=1)))
         if np.isnan(palm):
+            bones = np.linalg.norm(joints[:, 1:] - joints[:, PARENTS[1:]], axis=-1)
             palm = float(np.nanmedian(np.nanmedian(bones, axis=0) / _ADULT)) * 1e3 * _ADULT_PALM
     return palm
 

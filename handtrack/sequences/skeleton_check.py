@@ -218,13 +218,14 @@ def _lengths() -> _Lengths:
 def _log_distances(joints: Array) -> Array:
     """(F, N, N) logarithms of the distances in some frames; NaN where one is missing."""
     enough = min(_LEAST, joints.shape[1])
-    joints = np.where(np.abs(joints) < _HUGE, joints, np.nan)
-    frames = np.flatnonzero(np.isfinite(joints).all(-1).sum(1) >= enough)
+    with np.errstate(invalid="ignore"):
+        there = np.abs(joints) < _HUGE
+    frames = np.flatnonzero(there.all(-1).sum(1) >= enough)
     if not len(frames):
         return np.zeros((0, joints.shape[1], joints.shape[1]))
     if len(frames) > _LOOK:
         frames = frames[np.linspace(0, len(frames) - 1, _LOOK).astype(np.int64)]
-    x = joints[frames]
+    x = np.where(there[frames], joints[frames], np.nan)
     apart = np.linalg.norm(x[:, :, None] - x[:, None], axis=-1)
     size = median(apart.reshape(len(x), -1), 1)[:, None, None]
     # joints at one place are no bone, but no reason to leave it out either

@@ -14,15 +14,16 @@ import re
 from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from handtrack.errors import InputError, shown
 from handtrack.hand.rotations import quaternion_to_matrix
-from handtrack.hand.skeleton import N_JOINTS, Hand
-from handtrack.sequences.readers.raw import Array, Raw
-from handtrack.sequences.readers.records import read_records
+from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
+from handtrack.sequences.clock import Stamps
+from handtrack.sequences.readers.fields import frame_numbers
+from handtrack.sequences.readers.raw import Array, Raw, stem
 
 _LINE = re.compile(rb"\s*(left|right)\s+(wrist|landmarks)\b([^:]{0,200}):", re.IGNORECASE)
 _OTHER = re.compile(rb"\s*[A-Za-z][A-Za-z ]{2,30}(\|[^:]{0,200})?:\s*,?\s*-?\d")
@@ -43,6 +44,28 @@ def is_landmark_line(data: bytes) -> bool:
 def is_text_line(data: bytes) -> bool:
     """Whether text begins with a line that may come among such."""
     return is_landmark_line(data) or _OTHER.match(data) is not None
+
+
+class Moment(NamedTuple):
+    """What lines tell of one moment.
+
+    Attributes:
+        hands: (21, 3) joints [m] of each.
+        stamp: what the lines say of it: "t" [ns], "f" the frame's number.
+    """
+
+    hands: dict[Hand, Array]
+    stamp: dict[str, int]
+
+    def record(self) -> dict[str, Any]:
+        """It as a line of JSON would be."""
+        hands = [{"hand": h, "joints_m": x.tolist()} for h, x in sorted(self.hands.items())]
+        frame: dict[str, Any] = {"hands": hands}
+        if "t" in self.stamp:
+            frame["time_ns"] = self.stamp["t"]
+        if "f" in self.stamp:
+            frame["frame"] = self.stamp["f"]
+        return frame
 
 
 @dataclass
@@ -77,17 +100,25 @@ class LandmarkLines:
         Raises:
             InputError: a line that is none, or with other than 7 or 63 numbers.
         """
-        frames = []
+        return [moment.record() for moment in self.moments(data)]
+
+    def moments(self, data: bytes) -> list[Moment]:
+        """The same as `take`, as arrays."""
+        found: list[Moment] = []
         for line in data.splitlines():
             if line.strip():
-                frames += self._line(line)
-        return frames
+                found += self._line(line)
+        return found
 
     def rest(self) -> list[dict[str, Any]]:
         """The frame of a hand that still waits for the other, at the end."""
+        return [moment.record() for moment in self.last()]
+
+    def last(self) -> list[Moment]:
+        """The same as `rest`, as arrays."""
         return self._frame() if self._waiting else []
 
-    def _line(self, line: bytes) -> list[dict[str, Any]]:
+    def _line(self, line: bytes) -> list[Moment]:
         found = _LINE.match(line)
         if found is None:
             if _OTHER.match(line):
@@ -125,24 +156,22 @@ class LandmarkLines:
 
     def _numbers(self, values: list[bytes], count: int) -> Array:
         try:
-            numbers = np.array([float(v) for v in values if v.strip()])
+            numbers = np.array(list(map(float, values)))
         except ValueError:
-            numbers = np.empty(0)
+            try:
+                numbers = np.array([float(v) for v in values if v.strip()])
+            except ValueError:
+                numbers = np.empty(0)
         if len(numbers) != count or not np.isfinite(numbers).all():
             there = sum(1 for v in values if v.strip())
             raise InputError(f"a line has {there} values, expected {count} numbers", self.where)
         return numbers
 
-    def _frame(self) -> list[dict[str, Any]]:
-        """What waits, as a record of JSON lines would be."""
-        hands = [{"hand": h, "joints_m": x.tolist()} for h, x in sorted(self._waiting.items())]
-        frame: dict[str, Any] = {"hands": hands}
-        if "t" in self._stamp:
-            frame["time_ns"] = self._stamp["t"]
-        if "f" in self._stamp:
-            frame["frame"] = self._stamp["f"]
+    def _frame(self) -> list[Moment]:
+        """What waits."""
+        moment = Moment(self._waiting, self._stamp)
         self._waiting, self._stamp = {}, {}
-        return [frame]
+        return [moment]
 
 
 def read_landmark_lines(data: bytes, path: Path) -> list[Raw]:
@@ -153,18 +182,39 @@ def read_landmark_lines(data: bytes, path: Path) -> list[Raw]:
     """
     stream = LandmarkLines(path)
     stream.expect(data)
-    frames: list[dict[str, Any]] = []
+    moments: list[Moment] = []
     places: list[str] = []
     lines = data.splitlines()
     if len(lines) > _MOST:
         raise InputError(f"has {len(lines)} lines", path)
-    for n, line in enumerate(lines):
-        stream.where = Path(f"{path}, line {n + 1}")
-        new = stream.take(line)
-        frames += new
-        places += [f"line {n + 1}"] * len(new)
-    last = stream.rest()
-    frames, places = frames + last, places + [f"line {len(lines)}"] * len(last)
-    if not frames:
+    for n, line in enumerate(lines, 1):
+        try:
+            new = stream.moments(line)
+        except InputError as error:
+            text = str(error).removeprefix(f"{path}: ")
+            raise InputError(text, Path(f"{path}, line {n}")) from None
+        moments += new
+        places += [f"line {n}"] * len(new)
+    last = stream.last()
+    moments, places = moments + last, places + [f"line {len(lines)}"] * len(last)
+    if not moments:
         raise InputError("no line of landmarks in it", path)
-    return read_records(frames, places, path)
+    return [
+        _raw(hand, moments, places, path) for hand in HANDS if any(hand in m.hands for m in moments)
+    ]
+
+
+def _raw(hand: Hand, moments: list[Moment], places: list[str], path: Path) -> Raw:
+    """One hand in all moments."""
+    joints = np.full((len(moments), N_JOINTS, 3), np.nan)
+    for row, moment in zip(joints, moments, strict=True):
+        if hand in moment.hands:
+            row[:] = moment.hands[hand]
+    raw = Raw(joints, path, stem(path), hand=hand, unit="m")
+    times = [m.stamp.get("t") for m in moments]
+    if any(t is not None for t in times):
+        raw.stamps = Stamps(times, "time_ns", "ns", places)
+    numbers = [m.stamp["f"] for m in moments if "f" in m.stamp]
+    if len(numbers) == len(moments):
+        raw.frame_index = frame_numbers(numbers, len(numbers), path, "f")
+    return raw

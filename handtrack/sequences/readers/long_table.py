@@ -171,7 +171,7 @@ def _frame_of(
     """(rows,) each row's frame, as an index in order of numbers, or of first rows."""
     given, numbers = keys
     if numbers is not None:
-        return np.unique(numbers, return_inverse=True)[1].ravel()
+        return _sorted_apart(numbers)[1]
     return given if isinstance(given, np.ndarray) else np.asarray(_coded(given)[0])
 
 
@@ -231,16 +231,16 @@ def _grouped_at_once(
     axis = np.array([3 if a is None else a for _, _, a in long.slots], dtype=np.int64)[codes] + 1
     one = (key * (long.n_joints + 1) + joint) * 5 + axis
     one = one[joint >= 0]
-    if len(np.unique(one)) < len(one):
+    if _repeats(one):
         return None
-    _, first, group = np.unique(key, return_index=True, return_inverse=True)
+    first, group = _sorted_apart(key)
     order = np.argsort(first, kind="stable")  # as they come in the file
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
     first = first[order]
-    _, begins = np.unique(at, return_index=True)
+    begins, _ = _sorted_apart(at)
     return _Groups(
-        rank[group.ravel()],
+        rank[group],
         first.tolist(),
         at[first].tolist(),
         [hands[h] for h in hand[first].tolist()],
@@ -248,6 +248,26 @@ def _grouped_at_once(
         begins.tolist(),
         None,
     )
+
+
+def _repeats(values: NDArray[np.int64]) -> bool:
+    """Whether any of some numbers from 0 stands twice."""
+    if not len(values):
+        return False
+    if values.max() < 20 * len(values) + 1000:
+        return bool(np.bincount(values).max() > 1)
+    ordered = np.sort(values)
+    return bool((ordered[1:] == ordered[:-1]).any())
+
+
+def _sorted_apart(values: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The first row of each different value, in their order, and of each row which value it is."""
+    steps = np.diff(values)
+    if (steps >= 0).all():  # the usual case
+        begins = np.concatenate([[0], np.flatnonzero(steps) + 1]).astype(np.int64)
+        return begins[: len(values)], np.concatenate([[0], np.cumsum(steps > 0)])[: len(values)]
+    _, first, which = np.unique(values, return_index=True, return_inverse=True)
+    return first, which.ravel()
 
 
 def _coded(texts: list[str] | None) -> tuple[NDArray[np.int64] | int, int]:

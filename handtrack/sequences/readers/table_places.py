@@ -99,6 +99,10 @@ def spread(
         return None
     if titles is not None:
         widths = _worlds(widths, titles)
+    named = None if titles is None else _titles(titles, widths, path)
+    alike = _alike(lines, split, widths)
+    if alike is not None:
+        return alike, named
     out = []
     for place, line in zip(places, lines, strict=True):
         row: list[str] = []
@@ -111,7 +115,51 @@ def spread(
             else:
                 row += _row(cell, width, f"line {place}: column {c + 1}", path)
         out.append(SEPARATOR.join(row))
-    return out, None if titles is None else _titles(titles, widths, path)
+    return out, named
+
+
+_LITERAL_BLANKS = re.compile(r"(?:\\ |\s)+")
+_PLAIN = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
+
+
+def _alike(
+    lines: list[str], split: Callable[[str], list[str]], widths: dict[int, int]
+) -> list[str] | None:
+    """The rows where all places are written as the first one is, which is fast; None where not."""
+    cells = split(lines[0])
+    templates = {_template(cells[c], width) for c, width in widths.items() if c < len(cells)}
+    template = templates.pop() if len(templates) == 1 else None
+    if template is None or len(set(widths.values())) > 1:
+        return None
+    width = next(iter(widths.values()))
+    marks = [mark for mark in (SEPARATOR, ";", "\t", ",") if mark in lines[0]]
+    mark = next((m for m in marks if len(lines[0].split(m)) == len(cells)), None)
+    if mark is None:
+        return None
+    groups = SEPARATOR.join(rf"\{i + 1}" for i in range(width))
+    text, count = re.subn(template, groups, "\n".join(lines))
+    if count != len(widths) * len(lines):
+        return None
+    rows = text.replace(mark, SEPARATOR).split("\n")
+    n = len(cells) - 1 + (width - 1) * len(widths)
+    return rows if all(row.count(SEPARATOR) == n for row in rows) else None
+
+
+def _template(cell: str, width: int) -> str | None:
+    """A pattern of cells written as one is, with a group for each coordinate."""
+    parts = re.split(rf"({_PLAIN})", cell)
+    if width > 3 or any(character.isdigit() for part in parts[::2] for character in part):
+        return None
+    wanted = _numbers(cell)
+    found, pattern = 0, ""
+    for i, part in enumerate(parts):
+        if i % 2 == 0:
+            pattern += _LITERAL_BLANKS.sub(" +", re.escape(part))
+        elif found < width and part == wanted[found]:
+            pattern, found = pattern + f"({_PLAIN})", found + 1
+        else:
+            pattern += _PLAIN
+    return pattern if found == width else None
 
 
 def _widths(cells_of: list[list[str]]) -> dict[int, int]:
