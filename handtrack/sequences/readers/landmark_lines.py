@@ -199,9 +199,8 @@ def read_landmark_lines(data: bytes, path: Path) -> list[Raw]:
     moments, places = moments + last, places + [f"line {len(lines)}"] * len(last)
     if not moments:
         raise InputError("no line of landmarks in it", path)
-    return [
-        _raw(hand, moments, places, path) for hand in HANDS if any(hand in m.hands for m in moments)
-    ]
+    seen = {hand for moment in moments for hand in moment.hands}
+    return [_raw(hand, moments, places, path) for hand in HANDS if hand in seen]
 
 
 def _raw(hand: Hand, moments: list[Moment], places: list[str], path: Path) -> Raw:
