@@ -51,7 +51,7 @@ _SHOWN = 10
     help="Each clip calibrates itself, also of known subjects.",
 )
 @click.option(
-    "--column", "columns", multiple=True, metavar="NAME", help="A column of your own to keep."
+    "--column", "own_columns", multiple=True, metavar="NAME", help="A column of your own to keep."
 )
 @click.option("--no-recordings", is_flag=True, help="Numbers only.")
 @click.option("--frames", is_flag=True, help="A table of all frames too, in frames/.")
@@ -85,7 +85,7 @@ def batch(
     output: str,
     subject: str | None,
     no_pool: bool,
-    columns: tuple[str, ...],
+    own_columns: tuple[str, ...],
     no_recordings: bool,
     frames: bool,
     exports: tuple[str, ...],
@@ -132,7 +132,7 @@ def batch(
     )
     from handtrack.batching.manifest import clips_of
 
-    clips = clips_of(inputs, subject, columns)
+    clips = clips_of(inputs, subject, own_columns)
     if dry_run:
         _say_plan(clips, output, settings, retry_failed, as_json)
         return
