@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.evaluation.arrays import Array, nan_mean, points, sequence_of_points
+from handtrack.evaluation.arrays import (
+    Array,
+    mean_of_frames,
+    nan_mean,
+    points,
+    sequence_of_points,
+)
+from handtrack.files.long_arrays import blocks, by_blocks
 from handtrack.hand.capsules import FINGER_RADII, contact_depths
 from handtrack.hand.limits import Limits
 from handtrack.hand.skeleton import BONES, N_ANGLES, N_JOINTS
@@ -35,9 +42,9 @@ def bone_length_drift(x: ArrayLike, bones: Many[tuple[int, int]] = BONES) -> Arr
         (B,) standard deviation over frames / mean; 0 for a hand of constant bones, NaN for a
         bone that was never seen.
     """
-    lengths = bone_lengths(sequence_of_points(x), bones)
-    mean = nan_mean(lengths, 0)
-    std = np.sqrt(nan_mean((lengths - mean) ** 2, 0))
+    lengths = by_blocks(lambda part: bone_lengths(part, bones), sequence_of_points(x))
+    mean = mean_of_frames(lengths)
+    std = np.sqrt(mean_of_frames(by_blocks(lambda part: (part - mean) ** 2, lengths)))
     return np.asarray(std / np.where(mean > 0, mean, np.nan))
 
 
@@ -78,7 +85,9 @@ def limit_violations(
         raise InputError(f"angles have shape {angles.shape}, expected (frames, 20)")
     present = ~np.isnan(angles).any(1)
     degrees = np.full(angles.shape, np.nan)
-    degrees[present] = np.rad2deg(limits.violation(angles[present]))
+    for part in blocks(len(angles)):
+        kept = present[part]
+        degrees[part][kept] = np.rad2deg(limits.violation(angles[part][kept]))
     seen = degrees[present]
     over = seen > tolerance_deg
     n = max(1, len(seen))

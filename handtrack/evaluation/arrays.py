@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError
+from handtrack.files.long_arrays import ROWS, blocks, by_blocks
 
 Array = NDArray[np.float64]
 
@@ -25,12 +26,17 @@ def points(x: ArrayLike, name: str = "points") -> Array:
     out = np.asarray(x, dtype=np.float64)
     if out.ndim < 2 or out.shape[-1] != 3:
         raise InputError(f"{name} have shape {out.shape}, expected (frames, joints, 3)")
-    if np.isfinite(out).all():
-        return out
-    if np.isinf(out).any():
-        raise InputError(f"{name} hold infinite values, expected numbers or NaN for missing")
-    missing = np.asarray(np.isnan(out).any(-1, keepdims=True))
-    return np.where(missing, np.nan, out)
+    partly = False
+    for part in blocks(len(out)):
+        if np.isinf(out[part]).any():
+            raise InputError(f"{name} hold infinite values, expected numbers or NaN for missing")
+        missing = np.isnan(out[part])
+        partly = partly or bool((missing.any(-1) & ~missing.all(-1)).any())
+    return by_blocks(_whole, out) if partly else out
+
+
+def _whole(x: Array) -> Array:
+    return np.where(np.isnan(x).any(-1, keepdims=True), np.nan, x)
 
 
 def pair(a: ArrayLike, b: ArrayLike) -> tuple[Array, Array]:
@@ -61,6 +67,17 @@ def nan_mean(values: ArrayLike, axis: int | tuple[int, ...] | None = -1) -> Arra
         return np.asarray(values.mean(axis))
     count = present.sum(axis)
     total = np.where(present, values, 0.0).sum(axis)
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
+
+
+def mean_of_frames(values: Array) -> Array:
+    """`nan_mean` over the first axis, of arrays of any length."""
+    if len(values) <= ROWS:
+        return nan_mean(values, 0)
+    total, count = np.zeros(values.shape[1:]), np.zeros(values.shape[1:], np.int64)
+    for part in blocks(len(values)):
+        total += np.nansum(values[part], axis=0)
+        count += (~np.isnan(values[part])).sum(0)
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from handtrack.evaluation import anatomy, metrics
 from handtrack.evaluation.alignment import align
-from handtrack.evaluation.arrays import Array, lengths, nan_mean
+from handtrack.evaluation.arrays import Array, lengths, mean_of_frames, nan_mean
 from handtrack.evaluation.bootstrap import Intervals, intervals
 from handtrack.evaluation.matching import size_ratio
 from handtrack.evaluation.results import Against, Material, Spread, Stability
 from handtrack.evaluation.shake import Shake, shake_values
+from handtrack.files.long_arrays import Growing, blocks, by_blocks
 from handtrack.hand.limits import Limits
 from handtrack.hand.skeleton import Hand
 from handtrack.sequences.sequence import Sequence
@@ -81,10 +82,14 @@ class Estimate:
             track.hand,
             track.time_ns,
             track.frame_index,
-            np.where(track.measured_joints[:, None], track.filtered_joints, np.nan),
+            _only(track.filtered_joints, track.measured_joints),
             (fitted, predicted, lost),
             # what the fit was told to ignore counts for nothing
-            np.where(track.confidence[..., None] > 0, track.observed, np.nan),
+            by_blocks(
+                lambda x, weights: np.where(weights[..., None] > 0, x, np.nan),
+                track.observed,
+                track.confidence,
+            ),
             _known(track.truth),
             track.angles,
             track.model.limits,
@@ -120,6 +125,13 @@ def _in_pictures(settings: Mapping[str, Any]) -> Spread | None:
     return Spread(*(float(values.get(n, np.nan)) for n in Spread.__dataclass_fields__))
 
 
+def _only(joints: Array, measured: NDArray[np.bool_]) -> Array:
+    """The joints that are measured, NaN for the others."""
+    if measured.all():
+        return joints
+    return by_blocks(lambda x: np.where(measured[:, None], x, np.nan), joints)
+
+
 def _known(truth: Array | None) -> Array | None:
     return None if truth is None or np.isnan(truth).all() else truth
 
@@ -139,9 +151,9 @@ def measure(
     bare = np.full(joints.shape, np.nan) if reference is None else reference
     aligned, plain, rooted = _joint_errors_mm(joints, bare)
     values = {
-        "pa_mpjpe_mm": nan_mean(aligned),
-        "mpjpe_mm": nan_mean(plain),
-        "root_mpjpe_mm": nan_mean(rooted),
+        "pa_mpjpe_mm": by_blocks(nan_mean, aligned),
+        "mpjpe_mm": by_blocks(nan_mean, plain),
+        "root_mpjpe_mm": by_blocks(nan_mean, rooted),
         "jitter_m_s3": metrics.jitter(joints, time_ns=time_ns),
         "acceleration_m_s2": metrics.acceleration(joints, time_ns=time_ns),
         **shake_values(joints, time_ns, _SHAKE),
@@ -262,7 +274,7 @@ def summary(
         acceleration_error_mm=mean("acceleration_error_mm"),
         bone_drift_percent=drift,
         outside_limits_percent=outside,
-        joint_pa_mm=nan_mean(aligned, 0),
+        joint_pa_mm=mean_of_frames(aligned),
         intervals=_intervals(values),
         shake=shake(_SHAKE),
         input_shake=shake(f"input_{_SHAKE}"),
@@ -324,14 +336,14 @@ def _intervals(values: Mapping[str, Array]) -> dict[str, Intervals]:
 def _joint_errors_mm(a: Array, b: Array) -> tuple[Array, Array, Array]:
     """(T, 21) distances [mm] after similarity alignment of each frame, without, and with the
     wrists on each other."""
-    aligned, plain, rooted = (np.full(a.shape[:2], np.nan) for _ in range(3))
-    if np.isnan(b).all():
-        return aligned, plain, rooted
-    for i in range(0, len(a), _BLOCK):
-        part = slice(i, i + _BLOCK)
-        x, y = a[part] * 1e3, b[part] * 1e3
-        apart = x - y
-        aligned[part] = lengths(align(x, y) - y)
-        plain[part] = lengths(apart)
-        rooted[part] = lengths(apart - apart[:, :1])
-    return aligned, plain, rooted
+    out = Growing((3, a.shape[1]))
+    known = any(not np.isnan(b[part]).all() for part in blocks(len(b)))
+    for part in blocks(len(a), _BLOCK):
+        errors = np.full((3, *a[part].shape[:2]), np.nan)
+        if known:
+            x, y = a[part] * 1e3, b[part] * 1e3
+            apart = x - y
+            errors[:] = lengths(align(x, y) - y), lengths(apart), lengths(apart - apart[:, :1])
+        out.append(errors.swapaxes(0, 1))
+    whole = out.whole()
+    return whole[:, 0], whole[:, 1], whole[:, 2]

@@ -29,6 +29,7 @@ from handtrack.evaluation.anatomy import (
 )
 from handtrack.evaluation.arrays import Array, lengths, nan_mean, pair, points
 from handtrack.evaluation.motion import acceleration, acceleration_error, jitter, lag
+from handtrack.files.long_arrays import blocks
 from handtrack.hand.capsules import FINGER_RADII
 from handtrack.hand.skeleton import FINGERS, N_JOINTS
 
@@ -155,12 +156,14 @@ def pck_of_errors(error: Array, thresholds: ArrayLike) -> Array:
     e = error.reshape(-1, error.shape[-1])
     joints = e.shape[1]
     order = np.argsort(t)
-    # how many of each joint's errors first fall below each threshold, counted in one go
-    first = np.searchsorted(t[order], e, side="left")  # NaN sorts to the end
-    cells = first + (t.size + 1) * np.arange(joints)
-    counts = np.bincount(cells.ravel(), minlength=joints * (t.size + 1))
+    counts, known = np.zeros(joints * (t.size + 1), np.int64), np.zeros((joints, 1), np.int64)
+    for part in blocks(len(e)):
+        # how many of each joint's errors first fall below each threshold, counted in one go
+        first = np.searchsorted(t[order], e[part], side="left")  # NaN sorts to the end
+        cells = first + (t.size + 1) * np.arange(joints)
+        counts += np.bincount(cells.ravel(), minlength=counts.size)
+        known += (~np.isnan(e[part])).sum(0)[:, None]
     below = counts.reshape(joints, t.size + 1)[:, :-1].cumsum(1)
-    known = (~np.isnan(e)).sum(0)[:, None]
     curve = np.empty((joints, t.size))
     curve[:, order] = np.where(known > 0, below / np.maximum(known, 1), np.nan)
     return curve

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError, SettingsError
 from handtrack.evaluation.arrays import Array, lengths, nan_mean, pair, sequence_of_points
+from handtrack.files.long_arrays import by_blocks, release
 
 GAP = 1.5
 """A time step above this many medians (or below 1/2 of one) breaks every difference over it."""
@@ -53,6 +54,11 @@ def jitter(x: ArrayLike, fps: float | None = None, time_ns: ArrayLike | None = N
     return _mean_derivative(x, 3, fps, time_ns)
 
 
+def jitter_within(x: Array, time_ns: ArrayLike, broken: NDArray[np.bool_]) -> Array:
+    """`jitter` of points (T, J, 3) where it is known which steps (T-1,) are gaps."""
+    return _in_blocks(sequence_of_points(x), 3, _steps(time_ns, len(x)), broken)
+
+
 def acceleration_error(a: ArrayLike, b: ArrayLike, time_ns: ArrayLike | None = None) -> Array:
     """Mean size of the difference of second differences of estimate and reference, per frame.
 
@@ -67,7 +73,7 @@ def acceleration_error(a: ArrayLike, b: ArrayLike, time_ns: ArrayLike | None = N
         (T,) in the unit of a per squared frame; NaN at the ends and beside missing frames.
     """
     a, b = pair(a, b)
-    difference = sequence_of_points(a - b)
+    difference = sequence_of_points(by_blocks(np.subtract, a, b))
     broken = None if time_ns is None else _gaps(_steps(time_ns, len(a)))
     return _in_blocks(difference, 2, np.ones(max(0, len(a) - 1)), broken)
 
@@ -171,6 +177,7 @@ def _in_blocks(x: Array, order: int, steps: Array, broken: NDArray[np.bool_] | N
         values = nan_mean(lengths(_derivative(part, order, steps[inner], gaps)))
         n = len(part) - order
         out[i + 1 : i + 1 + n] = values[1 : 1 + n]
+        release()
     return out
 
 

@@ -22,11 +22,14 @@ from handtrack.evaluation.arrays import (
     or_none,
     sequence_of_points,
 )
-from handtrack.evaluation.motion import gaps_between, jitter
+from handtrack.evaluation.motion import gaps_between, jitter_within
+from handtrack.files.long_arrays import blocks, by_blocks
 from handtrack.hand.skeleton import BASES, N_JOINTS, PALM, PARENTS
 
 WINDOW = 11
 """Frames that a parabola is laid through."""
+_REACH = 8
+"""Frames on either side that a value may depend on."""
 _LEAST_PALM = 4
 """Joints of the palm that tell where it is."""
 _ROUNDS = 3
@@ -105,19 +108,34 @@ def shake_values(joints: ArrayLike, time_ns: ArrayLike, prefix: str = "") -> dic
         raise InputError(f"{x.shape[1]} joints, expected 21")
     time = np.asarray(time_ns, dtype=np.int64)
     broken = gaps_between(time, len(x))
-    middle, turns = palm_motion(x)
+    shape = palm_shape(x)
+    out: dict[str, Array] = {}
+    for part in blocks(max(len(x), 1)):
+        # with the frames around it that its windows reach
+        begin, end = max(part.start - _REACH, 0), min(part.stop + _REACH, len(x))
+        found = _values(x[begin:end], time[begin:end], broken[begin : end - 1], shape)
+        for name, values in found.items():
+            whole = out.setdefault(f"{prefix}{name}", np.empty(len(x)))
+            whole[part] = values[part.start - begin : part.stop - begin]
+    return out
+
+
+def _values(
+    x: Array, time: NDArray[np.int64], broken: NDArray[np.bool_], shape: Array | None
+) -> dict[str, Array]:
+    """As `shake_values`, of frames that are looked at together."""
+    middle, turns = _palm_motion(x, shape)
     inside = np.einsum("tji,tkj->tki", turns, x - middle[:, None])  # R^T (x - middle)
     fingers = inside[:, _FREE]
     high = _fast(inside[:, _FREE].reshape(len(x), -1), broken).reshape(fingers.shape)
-    found = {
+    return {
         "palm_mm": 1e3 * lengths(_fast(middle, broken)),
         "palm_deg": np.rad2deg(_fast_turn(turns, broken)),
         "fingers_deg": np.rad2deg(_root_mean_square(_fast(bends(x), broken))),
         "fingers_mm": 1e3 * _root_mean_square(lengths(high)),
-        "palm_jitter_m_s3": jitter(middle[:, None], time_ns=time),
-        "fingers_jitter_m_s3": jitter(fingers, time_ns=time),
+        "palm_jitter_m_s3": jitter_within(middle[:, None], time, broken),
+        "fingers_jitter_m_s3": jitter_within(fingers, time, broken),
     }
-    return {f"{prefix}{name}": values for name, values in found.items()}
 
 
 def palm_motion(x: Array) -> tuple[Array, Array]:
@@ -127,19 +145,33 @@ def palm_motion(x: Array) -> tuple[Array, Array]:
         (T, 3) its middle in the unit of x, and (T, 3, 3) its turn out of the frame of a palm
         that is the mean of all; NaN where fewer than four of its joints are seen.
     """
-    palm = x[:, PALM]
-    seen = ~np.isnan(palm[..., 0])
-    enough = seen.sum(1) >= _LEAST_PALM
-    middle, turns = np.full((len(x), 3), np.nan), np.full((len(x), 3, 3), np.nan)
-    if not enough.any():
-        return middle, turns
-    some = palm[enough][:: max(1, int(enough.sum()) // _SHAPED)]
+    return _palm_motion(x, palm_shape(x))
+
+
+def palm_shape(x: Array) -> Array | None:
+    """(6, 3) the palm that is the mean of all, about its middle; None where none is seen."""
+    enough = np.flatnonzero(by_blocks(_enough, x))
+    if not enough.size:
+        return None
+    some = x[enough[:: max(1, enough.size // _SHAPED)]][:, PALM]
     shape = some[int(np.argmin(np.isnan(some[..., 0]).sum(1)))]
     shape = shape - nan_mean(shape, 0)
     for _ in range(_ROUNDS):  # joints that the first frame lacks come in with the others' mean
         _, back, move = procrustes(some, np.broadcast_to(shape, some.shape), scale=False)
         shape = nan_mean(np.einsum("tij,tkj->tki", back, some) + move[:, None], 0)
         shape -= nan_mean(shape, 0)
+    return np.asarray(shape)
+
+
+def _enough(x: Array) -> NDArray[np.bool_]:
+    """(T,) in which frames enough of the palm is seen."""
+    return np.asarray((~np.isnan(x[:, PALM, 0])).sum(1) >= _LEAST_PALM)
+
+
+def _palm_motion(x: Array, shape: Array | None) -> tuple[Array, Array]:
+    if shape is None:
+        return np.full((len(x), 3), np.nan), np.full((len(x), 3, 3), np.nan)
+    palm, enough = x[:, PALM], _enough(x)
     _, turns, middle = procrustes(np.broadcast_to(shape, palm.shape), palm, scale=False)
     turns[~enough], middle[~enough] = np.nan, np.nan
     return middle, turns

@@ -170,8 +170,10 @@ def by_blocks(
     """function(*arrays), whose rows depend on the same rows of the arrays alone, (n, ...)."""
     if len(arrays[0]) <= rows:
         return function(*arrays)
-    first = function(*(array[:1] for array in arrays))
-    out = Growing(first.shape[1:], first.dtype)
+    out: Growing | None = None
     for part in blocks(len(arrays[0]), rows):
-        out.append(function(*(array[part] for array in arrays)))
-    return out.whole()
+        found = function(*(array[part] for array in arrays))
+        if out is None:
+            out = Growing(found.shape[1:], found.dtype)
+        out.append(found)
+    return np.empty(0) if out is None else out.whole()

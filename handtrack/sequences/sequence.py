@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
+from handtrack.files.long_arrays import blocks, by_blocks
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
 
 Array = NDArray[np.float64]
@@ -71,19 +74,8 @@ class Sequence:
 
     def __post_init__(self) -> None:
         where = self.source or None
-        joints = np.array(self.joints, dtype=np.float64, order="C")
-        if joints.ndim != 3 or joints.shape[1:] != (N_JOINTS, 3):
-            raise InputError(f"joints have shape {joints.shape}, expected (frames, 21, 3)", where)
+        joints = self.joints if _is_own(self.joints) else _joints(self.joints, where)
         n = len(joints)
-        if n == 0:
-            raise InputError("no frames", where)
-        if np.isinf(joints).any():
-            t = int(np.flatnonzero(np.isinf(joints).any((1, 2)))[0])
-            raise InputError(f"frame {t}: a joint is infinite, expected metres or NaN", where)
-        missing = np.isnan(joints).any(-1)
-        joints[missing] = np.nan
-        if missing.all():
-            raise InputError("every joint is missing in every frame", where)
         time_ns = np.array(self.time_ns, dtype=np.int64)
         if time_ns.shape != (n,):
             raise InputError(f"{time_ns.shape} time stamps for {n} frames", where)
@@ -95,18 +87,16 @@ class Sequence:
                 f" frame {i + 1} at {time_ns[i + 1] * 1e-9:.6f} s",
                 where,
             )
-        given: Array | None = self.confidence
-        confidence = np.ones((n, N_JOINTS)) if given is None else np.array(given, np.float64)
-        if confidence.shape != (n, N_JOINTS):
-            raise InputError(f"confidence has shape {confidence.shape}, expected ({n}, 21)", where)
-        confidence[missing] = 0.0
-        if not ((confidence >= 0) & (confidence <= 1)).all():
-            raise InputError("confidence must lie in 0..1", where)
+        confidence: Array = self.confidence
+        if not (_is_own(confidence) and joints is self.joints):
+            confidence = _confidence(self.confidence, joints, where)
         index: NDArray[np.int64] | None = self.frame_index
         frame_index = np.array(np.arange(n) if index is None else index, dtype=np.int64)
         if frame_index.shape != (n,):
             raise InputError(f"{frame_index.shape} frame numbers for {n} frames", where)
-        truth = None if self.truth is None else np.array(self.truth, dtype=np.float64)
+        truth = self.truth
+        if truth is not None and not _is_own(truth):
+            truth = by_blocks(_copy, np.asarray(truth))
         if truth is not None and truth.shape != joints.shape:
             raise InputError(
                 f"truth has shape {truth.shape}, expected {joints.shape} like the joints", where
@@ -122,6 +112,7 @@ class Sequence:
         ):
             if value is not None:
                 value.flags.writeable = False
+                _own[id(value)] = value
             object.__setattr__(self, name, value)
 
     def __len__(self) -> int:
@@ -160,3 +151,64 @@ class Sequence:
             frame_index=self.frame_index[keep],
             truth=None if self.truth is None else self.truth[keep],
         )
+
+
+_own: WeakValueDictionary[int, NDArray[Any]] = WeakValueDictionary()
+"""Arrays of sequences: nobody can write to them, so they need not be copied and checked again."""
+
+
+def _is_own(array: NDArray[Any] | None) -> bool:
+    return array is not None and _own.get(id(array)) is array
+
+
+def _copy(values: NDArray[Any]) -> Array:
+    return np.array(values, dtype=np.float64, order="C")
+
+
+def _joints(given: Array, where: str | None) -> Array:
+    """A copy of joints, those with a coordinate missing missing as a whole.
+
+    Raises:
+        InputError: as `Sequence`.
+    """
+    values = np.asarray(given)
+    if values.ndim != 3 or values.shape[1:] != (N_JOINTS, 3):
+        raise InputError(f"joints have shape {values.shape}, expected (frames, 21, 3)", where)
+    if not len(values):
+        raise InputError("no frames", where)
+    for part in blocks(len(values)):
+        infinite = np.isinf(values[part].astype(np.float64)).any((1, 2))
+        if infinite.any():
+            t = part.start + int(np.flatnonzero(infinite)[0])
+            raise InputError(f"frame {t}: a joint is infinite, expected metres or NaN", where)
+
+    def clear(part: NDArray[Any]) -> Array:
+        joints = _copy(part)
+        joints[np.isnan(joints).any(-1)] = np.nan
+        return joints
+
+    joints = by_blocks(clear, values)
+    if all(np.isnan(joints[part, :, 0]).all() for part in blocks(len(joints))):
+        raise InputError("every joint is missing in every frame", where)
+    return joints
+
+
+def _confidence(given: Array | None, joints: Array, where: str | None) -> Array:
+    """A copy of confidences, 1 by default, 0 of what is missing.
+
+    Raises:
+        InputError: as `Sequence`.
+    """
+    n = len(joints)
+    values = np.broadcast_to(1.0, (n, N_JOINTS)) if given is None else np.asarray(given)
+    if values.shape != (n, N_JOINTS):
+        raise InputError(f"confidence has shape {values.shape}, expected ({n}, 21)", where)
+
+    def clear(part: NDArray[Any], of: Array) -> Array:
+        confidence = _copy(part)
+        confidence[np.isnan(of[..., 0])] = 0.0
+        if not ((confidence >= 0) & (confidence <= 1)).all():
+            raise InputError("confidence must lie in 0..1", where)
+        return confidence
+
+    return by_blocks(clear, values, joints)
