@@ -13,6 +13,7 @@ from handtrack.calibration.bundle import Clip, Poses, solve
 from handtrack.calibration.centres import centred
 from handtrack.calibration.chains import SIZE, Chains
 from handtrack.calibration.frames import Material, excerpt, poses_of, sound
+from handtrack.calibration.split import Split, residuals, split_of
 from handtrack.errors import InputError
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import without_landmarks
@@ -63,12 +64,14 @@ class Explained:
         bound: palm rigid and bone lengths constant, but chosen for these sequences; every joint
             a free ball.
         frames: frames that were looked at.
+        split: what the residual of `fitted` is made of.
     """
 
     fitted: Residual
     unlimited: Residual
     bound: Residual
     frames: int
+    split: Split
 
     def summary(self) -> dict[str, object]:
         """The numbers, in millimetres, as plain JSON values."""
@@ -76,7 +79,7 @@ class Explained:
             f"{name}_{kind}_mm": 1e3 * getattr(getattr(self, field), kind)
             for name, field in (("residual", "fitted"), ("unlimited", "unlimited"), ("bound",) * 2)
             for kind in ("mean", "rms")
-        }
+        } | {"split_mm": self.split.summary()}
 
 
 def doubt(found: Mapping[str, object]) -> str | None:
@@ -123,24 +126,31 @@ def explain(
     if not parts:
         where = given[0].source if given else ""
         raise InputError("no frame has 12 joints, so the hand is not explained", where or None)
-    fitted, unlimited, bound, counts = zip(*parts, strict=True)
+    fitted, unlimited, bound, counts, offs = zip(*parts, strict=True)
+    left = Residual.of(np.concatenate(bound))
     return Explained(
         Residual.of(np.concatenate(fitted)),
         Residual.of(np.concatenate(unlimited)),
-        Residual.of(np.concatenate(bound)),
+        left,
         sum(counts),
+        split_of(offs, left.rms),
     )
 
 
 def _explained(
     model: HandModel, material: Material, frames: int
-) -> tuple[Array, Array, Array, int]:
-    """Distances of all joints seen in a clip, three times, and the number of frames."""
+) -> tuple[Array, Array, Array, int, Array]:
+    """Distances of all joints seen in a clip, three times, the number of frames, and the residuals
+    of all frames that are sound, by bones; NaN in others."""
     nothing = np.zeros(0)
     if not len(material):
-        return nothing, nothing, nothing, 0
+        return nothing, nothing, nothing, 0, np.zeros((0, 21, 3))
     fits = material.fitted(model)
     index = sound(fits, material.weights)
+    off = np.full_like(material.joints, np.nan)
+    turn = fits.roots[index, :9].reshape(-1, 3, 3)
+    away = material.joints[index] - fits.joints[index]
+    off[index] = residuals(model, fits.angles[index], turn, away)
     if len(index) > frames:
         index = index[np.linspace(0, len(index) - 1, frames).astype(np.int64)]
     joints = material.joints[index]
@@ -153,7 +163,7 @@ def _explained(
     clip = Clip(chains, targets, weights, np.zeros((5, SIZE)), none[0], _NOISE)
     free = solve([clip], none[1], nothing, [start], tolerance=_TOLERANCE)
     unlimited = clip.distances(nothing, free.poses[0])[seen]
-    return fitted, unlimited, _bound(model, targets, seen, start), len(index)
+    return fitted, unlimited, _bound(model, targets, seen, start), len(index), off
 
 
 def _bound(model: HandModel, targets: Array, seen: NDArray[np.bool_], start: Poses) -> Array:

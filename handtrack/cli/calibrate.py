@@ -172,6 +172,8 @@ def _calibrated(
 
 def _say(hand: HandModel, found: dict[str, Any], sequences: list[Sequence]) -> None:
     clips = f"{len(sequences)} sequences" if len(sequences) > 1 else sequences[0].name
+    from handtrack.calibration.split import told
+
     line = f"{hand.hand} hand from {found['frames']} frames of {clips}"
     if "scale" in found:
         line += f": {found['scale']:.3f} times the model's size, input noise"
@@ -183,6 +185,8 @@ def _say(hand: HandModel, found: dict[str, Any], sequences: list[Sequence]) -> N
         f" any hand of rigid bones leaves {found['bound_mean_mm']:.2f}"
         f" ({found['bound_rms_mm']:.2f})"
     )
+    if text := told(found):
+        click.echo(text)
     for what, key in (("joints", "kept_joints"), ("axes", "kept_axes")):
         if found.get(key):
             click.echo(f"{what} that the frames do not show stay the model's: " + _list(found[key]))

@@ -70,6 +70,7 @@ def _print(about: dict[str, Any]) -> None:
                 for name, value in error.items()
             )
             click.echo(f"    error to the {shown(against)} joints, mm: {numbers}")
+        _print_reasons(hand["settings"])
         if isinstance(pixels, dict):
             numbers = ", ".join(f"{shown(name)} {_short(value)}" for name, value in pixels.items())
             click.echo(f"    reprojection error in {cameras.get('views')} cameras, px: {numbers}")
@@ -82,6 +83,20 @@ def _print(about: dict[str, Any]) -> None:
         size = "" if of["bytes"] is None else _bytes(of["bytes"])
         schema = shown(of["schema"])
         click.echo(f"  {shown(topic):{width}}  {of['messages']:>9,}  {size:>9}  {schema}")
+
+
+def _print_reasons(settings: dict[str, Any]) -> None:
+    """Whose landmarks the joints were taken for, and what the calibrated hand leaves of them."""
+    if "detector" in settings:
+        from handtrack.detectors.chosen import told as detector_told
+
+        click.echo(f"    landmarks as of {detector_told(settings)}")
+    calibration = settings.get("calibration")
+    if isinstance(calibration, dict):
+        from handtrack.calibration.split import told as split_told
+
+        if text := split_told(calibration):
+            click.echo(f"    {text}")
 
 
 def _short(value: Any, depth: int = 3) -> str:

@@ -101,6 +101,12 @@ def _seen(sequence: Sequence, truths: Truths | None, one_camera: bool) -> Seen:
             raise InputError("no true joints: give them with --truth", sequence.source or None)
         return Seen.of(sequence, sequence.truth, view=view)
     true = truths.of(sequence)
+    if true.hand != sequence.hand:
+        raise InputError(
+            f"the truth is of a {true.hand} hand, the detections are of a {sequence.hand} one"
+            " (--hand says which)",
+            sequence.source or None,
+        )
     found = match_frames(sequence, true)
     joints = np.full_like(sequence.joints, np.nan)
     joints[found.estimate] = true.joints[found.truth]

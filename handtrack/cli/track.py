@@ -210,7 +210,11 @@ def _not_measured(track: Track) -> tuple[str, ...]:
 
 
 def _say_calibration(track: Track) -> None:
-    """How well the calibrated hand explains its input, and what is not the input's."""
+    """Whose landmarks it was taken for, and what is not the input's."""
+    from handtrack.detectors.chosen import told as detector_told
+
+    if "detector" in track.settings:
+        click.echo(f"{track.name}: landmarks as of {detector_told(track.settings)}")
     gone = _not_measured(track)
     if gone:
         click.echo(f"{track.name}: never seen, so neither measured nor exported: {', '.join(gone)}")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from handtrack.detectors.profile import Profile
 from handtrack.detectors.profile_file import NO_PROFILE, load_profile, shipped
+from handtrack.errors import shown
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import without_landmarks
 
@@ -38,3 +41,17 @@ def chosen_profile(wanted: str, said: str) -> Profile | None:
     if wanted == AUTO:
         return load_profile(said) if said in shipped() else None
     return load_profile(wanted)
+
+
+def why(wanted: str) -> str:
+    """Why a profile is used, for `wanted` as in `chosen_profile`."""
+    return "the input is that detector's" if wanted == AUTO else "as asked for"
+
+
+def told(settings: Mapping[str, object]) -> str:
+    """Which profile a track used and why, by its settings; for people."""
+    reason = settings.get("detector_why")
+    said = f"{shown(str(settings.get('detector')), 80)}"
+    if isinstance(reason, str) and reason:
+        said += f", {shown(reason, 80)}"
+    return said + " (--detector none: joint centres)"

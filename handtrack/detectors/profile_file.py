@@ -106,14 +106,16 @@ def _parsed(content: Any, path: Path) -> Profile:
     }
     told: dict[str, Any] = dict(rows)
     told |= {name: _number(said.get(name), f"noise.{name}", path) for name in _NUMBERS}
+    offsets = _rows(content.get("offsets"), "offsets", path)
+    evidence = _object(content.get("evidence", {}), "evidence", path)
     try:
         return Profile(
             name=shown(content.get("name", path.stem), 80),
             detector=shown(content.get("detector", ""), 80),
             input=shown(content.get("input"), 80),
-            offsets=_rows(content.get("offsets"), "offsets", path),
+            offsets=offsets,
             noise=Noise(**told),
-            evidence=_object(content.get("evidence", {}), "evidence", path),
+            evidence=evidence,
         )
     except InputError as error:
         raise InputError(str(error), path) from None

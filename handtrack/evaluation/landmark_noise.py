@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.detectors.profile import Noise
+from handtrack.errors import InputError
 from handtrack.hand.skeleton import N_JOINTS
 
 Array = NDArray[np.float64]
@@ -18,6 +19,8 @@ _OUTLIER = 4.0
 _ALIGNED_SHARE = 56.0 / 63.0
 # lags at which correlations are compared [frames]
 _LAGS = (1, 2, 3, 5, 8)
+# no detector is so near [m]
+_EXACT = 1e-7
 _FADES_S = np.geomspace(0.02, 3.0, 60)
 # a median of squares of a normal coordinate over their mean
 _MEDIAN = 0.4549
@@ -43,8 +46,14 @@ class Errors:
 
 
 def noise_of(clips: list[Errors], one_camera: bool) -> Noise:
-    """The noise that errors of clips show (`Noise`)."""
+    """The noise that errors of clips show (`Noise`).
+
+    Raises:
+        InputError: there is none.
+    """
     everything = np.concatenate([c.off for c in clips])
+    if not np.abs(everything).max() > _EXACT:
+        raise InputError("detections do not err: is the truth (--truth) the detections themselves?")
     d2 = np.square(everything).sum(-1)
     robust = np.sqrt(np.median(d2, 0) / 3 / 0.7886)  # median of chi^2 with 3 degrees over 3
     stray = np.sqrt(d2 / 3) > _OUTLIER * robust

@@ -137,6 +137,8 @@ def retrack(
     notes = [e for e in stored.events if e.level == "warning" and e.time_ns == first]
     events = (*(e for e in notes if e.text not in said), *result.events)
     made = dict(result.settings)
+    if "detector" not in given and "detector_why" in stored.settings:
+        made["detector_why"] = stored.settings["detector_why"]
     if "calibrate" not in given:
         # the hand is still that one
         kept = {n: v for n, v in stored.settings.items() if n in before or n not in _LASTING}

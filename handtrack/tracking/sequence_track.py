@@ -13,7 +13,7 @@ from handtrack.calibration.explain import doubt, explain
 from handtrack.calibration.lasting import lasting_errors
 from handtrack.calibration.settings import CalibrationSettings
 from handtrack.deprecated import old_positions
-from handtrack.detectors.chosen import AUTO, seen_by
+from handtrack.detectors.chosen import AUTO, seen_by, why
 from handtrack.detectors.profile import Profile
 from handtrack.errors import InputError
 from handtrack.files.long_arrays import release
@@ -128,7 +128,8 @@ def track(
 def _detector_said(settings: TrackSettings, profile: Profile | None) -> dict[str, str]:
     if profile is None:
         return {}
-    return {"detector": profile.name if settings.detector == AUTO else settings.detector}
+    name = profile.name if settings.detector == AUTO else settings.detector
+    return {"detector": name, "detector_why": why(settings.detector)}
 
 
 def _subject(

@@ -9,7 +9,7 @@ import pytest
 
 import handtrack as ht
 from handtrack.cli import run
-from handtrack.detectors.chosen import chosen_profile
+from handtrack.detectors.chosen import chosen_profile, told
 from handtrack.detectors.profile import IN_SPACE, ONE_CAMERA, Noise, Profile
 from handtrack.detectors.profile_file import load_profile, save_profile, shipped
 from handtrack.errors import InputError
@@ -136,6 +136,10 @@ def test_the_reader_says_whose_landmarks_they_are():
     known = ht.Sequence(sequence.time_ns, sequence.joints, detector="mediapipe-3d")
     track = ht.track(known, calibrate=False)
     assert track.settings["detector"] == "mediapipe-3d"
+    assert told(track.settings).startswith("mediapipe-3d, the input is that detector's")
+    asked = ht.track(sequence, calibrate=False, detector="mediapipe-3d")
+    assert told(asked.settings).startswith("mediapipe-3d, as asked for")
+    assert retrack(asked).settings == asked.settings
     assert track.model.has_landmarks
     assert "detector" not in ht.track(sequence, calibrate=False).settings
 
@@ -158,6 +162,14 @@ def test_the_command_makes_a_profile_that_track_takes(tmp_path, capsys):
     assert load_profile(out).name == "p"
     track = ["track", files[0], "-o", str(tmp_path / "a.mcap"), "--no-mesh", "-q", "--overwrite"]
     assert run([*track, "--detector", str(out)]) == 0
+    assert run(["track", files[0], "-o", str(tmp_path / "b.mcap"), "--detector", str(out)]) == 0
+    assert "landmarks as of" in capsys.readouterr().out
+    assert run(["info", str(tmp_path / "b.mcap")]) == 0
+    assert "p.json, as asked for" in capsys.readouterr().out
+    left = tmp_path / "left.npz"
+    np.savez(left, joints_m=truth * [-1, 1, 1], time_ns=sequence.time_ns, hand="left")
+    assert run(["profile", files[0], "--truth", str(left), "-o", str(tmp_path / "no.json")]) == 2
+    assert "the truth is of a left hand" in capsys.readouterr().err
     assert run([*track, "--detector", "no-such"]) == 2
     assert "no-such' is unknown" in capsys.readouterr().err
 
@@ -169,5 +181,8 @@ def test_what_cannot_make_a_profile_is_said():
         estimate_profile([Seen.of(few, truth[:20])], "few")
     with pytest.raises(InputError, match="the truth has shape"):
         Seen.of(few, truth)
+    same = Seen.of(ht.Sequence(sequence.time_ns, truth), truth)
+    with pytest.raises(InputError, match="do not err"):
+        estimate_profile([same], "same")
     with pytest.raises(InputError, match=r"the truth is no .* hand's"):
         Seen.of(sequence, truth[:, np.random.default_rng(0).permutation(21)])

@@ -97,3 +97,13 @@ def test_what_is_no_profile_is_said(tmp_path, text):
     path.write_text(text)
     with pytest.raises(HandtrackError, match="no detector profile"):
         load_profile(path)
+
+
+def test_a_file_is_named_once(saved):
+    _, path = saved
+    content = json.loads(path.read_text())
+    other_joints(content)
+    path.write_text(json.dumps(content))
+    with pytest.raises(InputError) as caught:
+        load_profile(path)
+    assert str(caught.value).count("p.json") == 1
