@@ -52,7 +52,7 @@ class About:
     def expected(self) -> str:
         """What a number may be, in words."""
         if self.above == 0 and self.most is None:
-            span = "a positive number"
+            span = f"a positive number{' of' if self.unit else ''}"
         elif self.most is None:
             span = f"at least {self.least:g}"
         else:

@@ -55,6 +55,7 @@ _GROUPS = {
         *("live", "light", "theme", "skin", "overlay_skin"),
     ),
     "The figure": ("width_mm", "font_pt", "bands", "errors", "statuses", "dpi"),
+    "Poses out": ("publish_format",),
     "Fit and filter": (),
     "Configuration": ("config", "save_config"),
 }

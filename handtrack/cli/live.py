@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handtrack.cli.config import used_config
 from handtrack.cli.helping import Command
 from handtrack.cli.live_view import connect_option
 from handtrack.cli.models import Models, hand_model_option, model_options, take_models
@@ -51,6 +52,13 @@ if TYPE_CHECKING:
     help="Send poses on as JSON lines: udp:[HOST:]PORT, zmq:[HOST:]PORT, ws://[HOST:]PORT;"
     " this machine by default.",
 )
+@click.option(
+    "--publish-format",
+    type=click.Choice(["json", "protobuf"]),
+    default="json",
+    show_default=True,
+    help="Of what is sent: lines of JSON, or handtrack.State of one --hand, as in recordings.",
+)
 @click.option("--no-view", is_flag=True, help="Open no viewer.")
 @connect_option
 @click.option("--hand", type=click.Choice(["left", "right"]), help="Only this hand.")
@@ -70,6 +78,7 @@ def live(
     udp: str | None,
     output: Path | None,
     publish: str | None,
+    publish_format: str,
     no_view: bool,
     connect: str | None,
     hand: Hand | None,
@@ -92,6 +101,12 @@ def live(
     sources = [camera is not None, video is not None, stdin, udp is not None]
     if sum(sources) != 1:
         raise SettingsError("choose one source: --camera, --video, --stdin or --udp")
+    binary = publish_format == "protobuf"
+    if binary and (publish is None or hand is None):
+        raise SettingsError(
+            "--publish-format protobuf is for --publish, and a State does not name its hand:"
+            " say --hand left or --hand right"
+        )
     if output is None:
         output = _free_name()
     check_target(output, ".mcap", "-o")
@@ -115,14 +130,16 @@ def live(
             camera, video, udp, (hand, unit, order, model), quiet, stack, bad
         )
         output.parent.mkdir(parents=True, exist_ok=True)
-        sinks: list[Any] = [stack.enter_context(RecorderSink(output, source, recording))]
+        sinks: list[Any] = [
+            stack.enter_context(RecorderSink(output, source, recording, used_config()))
+        ]
         viewer = LiveViewer(connect, mesh=bool(recording.mesh.every))
         if not no_view and _shown(viewer, connect, quiet or as_json, stack):
             sinks.append(ViewerSink(viewer))
         send = None
         if publish is not None:
-            out = stack.enter_context(publisher(publish))
-            send = partial(_send, out)
+            out = stack.enter_context(publisher(publish, binary))
+            send = partial(_send, out, binary)
             if not quiet:
                 click.echo(f"publishing to {out.address}", err=True)
         # a subject's own hand, and MANO's, stay as they are given
@@ -166,10 +183,10 @@ def _shown(viewer: LiveViewer, connect: str | None, quiet: bool, stack: ExitStac
     return True
 
 
-def _send(out: Publisher, frame: TrackedFrame, hand: Hand, index: int) -> None:
-    from handtrack.live.publish import message_of
+def _send(out: Publisher, binary: bool, frame: TrackedFrame, hand: Hand, index: int) -> None:
+    from handtrack.live.publish import message_of, state_of
 
-    out.send(message_of(frame, hand, index))
+    out.send(state_of(frame, index) if binary else message_of(frame, hand, index))
 
 
 def _free_name() -> Path:

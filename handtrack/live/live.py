@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -257,12 +257,19 @@ class RecorderSink:
     as a hand in a recording does not change; one that never comes takes none.
     """
 
-    def __init__(self, path: Path, source: str, recording: RecordingSettings) -> None:
+    def __init__(
+        self,
+        path: Path,
+        source: str,
+        recording: RecordingSettings,
+        config: Mapping[str, Any] | None = None,
+    ) -> None:
         """Args:
         path, recording: as of `McapRecorder`.
         source: what is tracked.
+        config: the file of options that was used, to be told among the settings.
         """
-        self._source = source
+        self._source, self._config = source, config or {}
         self._waiting: dict[Hand, list[tuple[TrackedFrame, int]]] = {}
         self._trackers: dict[Hand, Tracker] = {}
         self._before: dict[Hand, TrackedFrame] = {}
@@ -295,6 +302,8 @@ class RecorderSink:
         tracker = self._trackers[hand]
         model = tracker.model
         settings = {**tracker.settings, "limits": model.limits.name, "model": model.name}
+        if self._config:
+            settings["config"] = dict(self._config)
         part = stretch_of_frames(
             frames,
             Head.of(model, self._names[hand], settings, source=self._source),

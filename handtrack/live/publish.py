@@ -1,4 +1,5 @@
-"""Tracked hands sent on as they come: datagrams, ZeroMQ, WebSocket; a line of JSON each.
+"""Tracked hands sent on as they come: datagrams, ZeroMQ, WebSocket; a line of JSON each, or a
+protobuf State.
 
 A receiver that is slow or gone ends nothing and is never waited for. Addresses are this
 machine's (127.0.0.1) unless others are given.
@@ -69,6 +70,23 @@ def message_of(frame: TrackedFrame, hand: str, index: int) -> bytes:
     return json.dumps(values, allow_nan=False, separators=(",", ":")).encode() + b"\n"
 
 
+def state_of(frame: TrackedFrame, index: int) -> bytes:
+    """A frame as the protobuf message handtrack.State, as recordings hold it (`handtrack.proto`).
+
+    A State does not name its hand.
+    """
+    from dataclasses import fields
+
+    from handtrack.hand.model import HandModel
+    from handtrack.mcap.state import States, encode_states
+    from handtrack.tracking.frame import TrackedFrame as Frame
+
+    arrays: dict[str, Any] = {f.name: np.array([getattr(frame, f.name)]) for f in fields(Frame)}
+    states = States(frame_index=np.array([index], np.int64), truth=None, **arrays)
+    (message,) = encode_states(states, slice(None), HandModel.default())
+    return message
+
+
 def _plain(values: Any) -> Any:
     """Lists of numbers with 6 decimals, null where they are not finite."""
 
@@ -80,9 +98,13 @@ def _plain(values: Any) -> Any:
     return cell(np.asarray(values, dtype=np.float64).tolist())
 
 
-def publisher(address: str) -> Publisher:
+def publisher(address: str, binary: bool = False) -> Publisher:
     """What sends to an address: `udp:[HOST:]PORT` sends datagrams there; `zmq:[HOST:]PORT` and
     `ws://[HOST:]PORT` wait here for whoever subscribes.
+
+    Args:
+        address: it.
+        binary: whether messages are no text, for WebSockets, which tell them apart.
 
     Raises:
         SettingsError: it is none, or what it needs is not installed.
@@ -96,7 +118,7 @@ def publisher(address: str) -> Publisher:
     host, port = found["host"] or LOOPBACK, int(found["port"])
     if found["kind"] == "udp":
         return _Datagrams(host, port)
-    return _ZeroMQ(host, port) if found["kind"] == "zmq" else _WebSocket(host, port)
+    return _ZeroMQ(host, port) if found["kind"] == "zmq" else _WebSocket(host, port, binary)
 
 
 class _Datagrams:
@@ -158,7 +180,8 @@ class _ZeroMQ:
 
 
 class _WebSocket:
-    def __init__(self, host: str, port: int) -> None:
+    def __init__(self, host: str, port: int, binary: bool) -> None:
+        self._binary = binary
         try:
             from websockets.sync.server import serve
         except ImportError:
@@ -187,7 +210,7 @@ class _WebSocket:
             self._readers.add(reader)
         try:
             for message in reader:
-                connection.send(message.decode().rstrip("\n"))
+                connection.send(message if self._binary else message.decode().rstrip("\n"))
         except ConnectionClosed:
             pass
         finally:

@@ -191,3 +191,33 @@ def test_websockets_get_it_and_may_leave(tracked):
 def test_addresses_that_are_none(address):
     with pytest.raises(SettingsError, match="--publish"):
         publisher(address)
+
+
+def test_protobuf_states_are_sent_on_and_are_those_recorded(tmp_path):
+    """A State without its decimals cut; the file of options is told in the recording."""
+    from handtrack.mcap.schema import message_class
+
+    (tmp_path / "run.toml").write_text('[live]\nfilter = "kalman"\n')
+    text = "\n".join(row(t, x) for t, x in enumerate(motion(12))) + "\n"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        to = f"udp:{receiver.getsockname()[1]}"
+        given = ["--publish", to, "--publish-format", "protobuf", "--config", "run.toml"]
+        receiver.settimeout(20.0)
+        done = live(
+            tmp_path, text, "--no-view", "-o", "a.mcap", "--no-calibrate", "--hand", "right", *given
+        )
+        assert done.returncode == 0, done.stderr
+        states = []
+        for _ in range(12):
+            states.append(message_class("handtrack.State").FromString(receiver.recv(65536)))
+    (track,) = ht.read_mcap(tmp_path / "a.mcap")
+    assert track.settings["config"]["options"] == {"filter": "kalman"}
+    for t, state in enumerate(states):
+        assert state.time_ns == track.time_ns[t]
+        assert state.status == track.status[t]
+        np.testing.assert_array_equal(state.angles, track.angles[t])
+        np.testing.assert_array_equal(state.filtered_joints, track.filtered_joints[t].ravel())
+    done = live(tmp_path, text, "--no-view", *given)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "say --hand left or --hand right" in done.stderr
