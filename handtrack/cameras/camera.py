@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError
+from handtrack.kernels.workspace import LENS, Records
 
 Array = NDArray[np.float64]
 
@@ -90,11 +91,11 @@ class Camera:
         return np.asarray(-self.rotation.T @ self.translation)
 
     @property
-    def numbers(self) -> Array:
-        """(25,) fx, skew, cx, fy, cy, distortion, rotation by rows, translation."""
+    def lens(self) -> Records:
+        """() LENS, as compiled code takes it."""
         k = self.matrix
         inner = (k[0, 0], k[0, 1], k[0, 2], k[1, 1], k[1, 2])
-        return np.concatenate([inner, self.distortion, self.rotation.ravel(), self.translation])
+        return np.array((*inner, self.distortion, self.rotation, self.translation), LENS)
 
     def project(self, points: ArrayLike) -> Array:
         """Where world points are in the picture.

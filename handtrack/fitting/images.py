@@ -21,7 +21,7 @@ from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import vector_to_matrix
 from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
 from handtrack.kernels.image_fit import fit_views
-from handtrack.kernels.workspace import CONVERGED
+from handtrack.kernels.workspace import CONVERGED, LENS
 
 Array = NDArray[np.float64]
 
@@ -207,7 +207,7 @@ class ViewResults:
         self.roots = np.empty((n, 12))
         self._of: tuple[HandModel, Sequence[Camera]] | None = None
         self._hand: tuple[Any, ...] = ()
-        self._numbers = np.empty((0, 0))
+        self._lenses = np.empty(0, LENS)
 
     def run(
         self,
@@ -231,11 +231,11 @@ class ViewResults:
         # frame after frame the same: what is made of them is kept
         if self._of != (model, cameras):
             self._hand = constants(model)
-            self._numbers = np.stack([camera.numbers for camera in cameras])
+            self._lenses = np.stack([camera.lens for camera in cameras])
             self._of = (model, cameras)
         fit_views(
             self._hand,
-            self._numbers,
+            self._lenses,
             np.ascontiguousarray(pixels),
             np.ascontiguousarray(weights),
             float(spread_px),

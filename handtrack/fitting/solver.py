@@ -75,17 +75,17 @@ class Program:
             from handtrack.kernels.collisions import move_apart
 
             (apart,) = addresses(move_apart)
-        self.solvers = (sweep, step, other, apart, known)
+        self.solvers = frames.Solvers(sweep, step, other, apart, known)
         # reweighting converges linearly: let it come as near
         share = chosen.tolerance if chosen.robust == "none" else 1e-2 * chosen.tolerance
-        self.settings = (
-            COLD_SWEEPS,
-            chosen.max_sweeps,
-            MAX_STEPS,
-            share,
-            LOSSES.index(chosen.robust),
-            1e-3 * chosen.spread_mm,
-            chosen.noise_m2,
+        self.settings = frames.FitNumbers(
+            cold_sweeps=COLD_SWEEPS,
+            max_sweeps=chosen.max_sweeps,
+            max_steps=MAX_STEPS,
+            tolerance=share,
+            loss=LOSSES.index(chosen.robust),
+            spread=1e-3 * chosen.spread_mm,
+            noise=chosen.noise_m2,
         )
         self._contacts: tuple[HandModel, Array] | None = None
 
@@ -178,8 +178,8 @@ class Results:
         wrong = frames.fit_frames(
             constants(model),
             program.contacts(model),
-            program.solvers,
-            (*program.settings, min_joints, int(alone)),
+            tuple(program.solvers),
+            (*program.settings[:-2], min_joints, int(alone)),
             start,
             keep,
             targets,

@@ -12,26 +12,12 @@ import math
 
 from handtrack.kernels.compiled import inline
 from handtrack.kernels.filter_state import REST, move_pose
-from handtrack.kernels.kalman import start_pose, take_in, take_pose
+from handtrack.kernels.kalman import start_pose, take_in, take_pose, update_rest
 from handtrack.kernels.linear_algebra import factor, invert
 from handtrack.kernels.workspace import FINGERS, N_POSE
 
 # information that a pose has at least, for unit noise [1/rad^2, 1/m^2]: a joint at 3 mm
 LEAST_UNIT = 1e-5
-
-
-@inline
-def multiply_wide(a, b, out):
-    """out (26, REST) = a (26, 26) b (26, REST)."""
-    for i in range(0, N_POSE, 2):
-        for j in range(REST):
-            out[i, j] = out[i + 1, j] = 0.0
-        for k in range(0, N_POSE, 2):
-            a00, a01, a10, a11 = a[i, k], a[i, k + 1], a[i + 1, k], a[i + 1, k + 1]
-            for j in range(REST):
-                x, y = b[k, j], b[k + 1, j]
-                out[i, j] += a00 * x + a01 * y
-                out[i + 1, j] += a10 * x + a11 * y
 
 
 @inline
@@ -141,26 +127,11 @@ def predict_drifting(s):
 def update_drifting(s, coupled, keep, information, pull):
     """As `kalman.update`: velocities and drift follow by their regression on the seen pose."""
     less = take_in(s, coupled, keep, information, pull)
-    multiply_wide(s.precision, s.pose_rest, s.wide)
+    update_rest(s, s.pose_rest, s.rest_rest, s.wide, s.wide_2)
     for i in range(N_POSE):
         d = s.distance[i]
         for j in range(N_POSE):
             s.velocity[j] += s.wide[i, j] * d
             s.drift[j] += s.wide[i, N_POSE + j] * d
-    multiply_wide(s.posterior, s.wide, s.wide_2)
-    for k in range(0, N_POSE, 2):
-        for i in range(REST):
-            d = s.pose_rest[k, i] - s.wide_2[k, i]
-            e = s.pose_rest[k + 1, i] - s.wide_2[k + 1, i]
-            for j in range(i, REST):
-                s.rest_rest[i, j] -= d * s.wide[k, j] + e * s.wide[k + 1, j]
-    for i in range(REST):
-        for j in range(i):
-            s.rest_rest[i, j] = s.rest_rest[j, i]
-    for i in range(N_POSE):
-        for j in range(N_POSE):
-            s.pose_pose[i, j] = s.posterior[i, j]
-        for j in range(REST):
-            s.pose_rest[i, j] = s.wide_2[i, j]
     take_pose(s, coupled)
     return less

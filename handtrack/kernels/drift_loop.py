@@ -28,6 +28,7 @@ from handtrack.kernels.filter_state import (
     PREDICTED,
     REST,
     UPDATED,
+    FilterNumbers,
     copy_pose,
     move_pose,
 )
@@ -39,9 +40,6 @@ from handtrack.kernels.variances import (
     store_undrifted_spread,
 )
 from handtrack.kernels.workspace import N_POSE, WORK
-
-# what the settings say behind those of `filter_frames`
-SHARE, MOVING, LASTS = 8, 9, 10
 
 
 @inline
@@ -62,21 +60,21 @@ def keep_drifting(s, kept):
 def come_to(s, works, solver, settings, motion, now, frame, note, seen):
     """What comes before a prediction: beginning, or what the time until the frame means."""
     (process, grid), (targets, weights, raw), before = motion, frame, s.time_ns
-    s.lasts, dt = settings[LASTS], (now - before) * 1e-9
-    if settings[SHARE] >= 0.0:
-        s.share, s.moving = settings[SHARE], settings[MOVING]
+    s.lasts, dt = settings.lasts_s, (now - before) * 1e-9
+    if settings.share >= 0.0:
+        s.share, s.moving = settings.share, settings.moving
     else:
         follow_share(s, dt, targets, weights, raw)
-        if settings[MOVING] >= 0.0:
-            s.moving = settings[MOVING]
+        if settings.moving >= 0.0:
+            s.moving = settings.moving
     s.white, s.colour = parts_of(s.share, s.moving)
     kind = enter(s, settings, process, now, raw, note)
     age_drift(s, dt, weights)
     if kind == BEGUN:
         begin_drifting(works[0], solver, s, targets, weights, raw, process[FIRST], seen)
-        if settings[1]:
+        if settings.follow:
             begin_drifting_bank(s, process)
-    elif kind == PREDICTED and settings[1]:
+    elif kind == PREDICTED and settings.follow:
         for i in range(N_POSE):
             s.density[i] = s.learnt[i]
         predict_drifting_bank(s, grid, process)
@@ -96,18 +94,16 @@ def store_undrifted(s, works, solver, pose, out):
 
 @kernel
 def filter_drifting_frames(
-    states, hand, solver, settings, motion, time_ns, targets, weights, raw, out, notes, keep, kept
+    states, hand, solver, numbers, motion, time_ns, targets, weights, raw, out, notes, keep, kept
 ):
     """Filter frame after frame.
 
     Args:
         states: (1,) DRIFTING.
-        settings: as in `filter_frames`; then what share of the joints' noise lasts, negative to
-            follow it, what part of the residuals is not their mean,
-            negative to follow it, and how long it lasts [s].
         kept: (T,) KEPT_DRIFTING.
-        hand, solver, motion, time_ns, targets, weights, raw, out, notes, keep: as there.
+        hand, solver, numbers, motion, time_ns, targets, weights, raw, out, notes, keep: as there.
     """
+    settings = FilterNumbers(*numbers)
     works, poses = np.zeros(1, dtype=WORK), np.zeros(1, dtype=KEPT)
     load_hand(works[0], hand, settings)
     s = states[0]
@@ -122,12 +118,12 @@ def filter_drifting_frames(
         if see(s, works, solver, settings, frame, notes[t]):
             learn_unit(s, seen)
             if keep:
-                rest = update_drifting(s, settings[0], keep, kept[t].information, kept[t].pull)
+                rest = update_drifting(s, settings.coupled, keep, kept[t].information, kept[t].pull)
                 keep_undrifted_gain(s, kept[t])
             else:
-                rest = update_drifting(s, settings[0], keep, s.work, s.gradient)
+                rest = update_drifting(s, settings.coupled, keep, s.work, s.gradient)
             notes[t].likelihood -= rest
-            if settings[1]:
+            if settings.follow:
                 learn_drifting(s, motion[1], motion[0])
             if math.isfinite(raw[t].noise):
                 notes[t].kind = UPDATED

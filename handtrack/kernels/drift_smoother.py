@@ -11,6 +11,7 @@ from handtrack.kernels.filter_state import (
     KEPT,
     NOTHING,
     REST,
+    FilterNumbers,
     copy_pose,
     move_pose,
 )
@@ -125,16 +126,18 @@ def room_to_run():
 
 
 @kernel
-def smooth_drifting_frames(hand, solver, settings, first, last, notes, kept, out):
+def smooth_drifting_frames(hand, solver, numbers, first, last, notes, kept, out):
     """As `smooth_frames`, of kept (T,) KEPT_DRIFTING."""
+    settings = FilterNumbers(*numbers)
     room = room_to_run()
     load_hand(room[0][0], hand, settings)
     run_back(first, last, len(notes), notes, kept, room, solver, out, 0)
 
 
 @kernel
-def lag_drifting_frames(hand, solver, settings, lag, notes, kept, out):
+def lag_drifting_frames(hand, solver, numbers, lag, notes, kept, out):
     """As `lag_frames`, of kept (T,) KEPT_DRIFTING."""
+    settings = FilterNumbers(*numbers)
     room = room_to_run()
     load_hand(room[0][0], hand, settings)
     for t in range(len(notes) - lag):

@@ -8,7 +8,15 @@ import numpy as np
 
 from handtrack.kernels.compiled import call, inline, kernel
 from handtrack.kernels.exchange import load_model, store_pose
-from handtrack.kernels.filter_state import BEGUN, NOTHING, PREDICTED, UPDATED, copy_pose, move_pose
+from handtrack.kernels.filter_state import (
+    BEGUN,
+    NOTHING,
+    PREDICTED,
+    UPDATED,
+    FilterNumbers,
+    copy_pose,
+    move_pose,
+)
 from handtrack.kernels.frame_loop import count_seen, store_pose_row
 from handtrack.kernels.kalman import begin, pass_time, predict, update
 from handtrack.kernels.measurement import load_inside, measure_frame
@@ -31,7 +39,7 @@ def store_row(w, solver, pose, angles, root, out):
 def load_hand(w, hand, settings):
     """The hand and the loss into a workspace of zeros."""
     load_model(w, hand)
-    w.loss, w.spread2 = settings[6], settings[7]
+    w.loss, w.spread2 = settings.loss, settings.spread2
 
 
 @inline
@@ -58,7 +66,7 @@ def keep_pose_only(s, kept):
 
 @kernel
 def filter_frames(
-    states, hand, solver, settings, motion, time_ns, targets, weights, raw, out, notes, keep, kept
+    states, hand, solver, numbers, motion, time_ns, targets, weights, raw, out, notes, keep, kept
 ):
     """Filter frame after frame.
 
@@ -66,9 +74,7 @@ def filter_frames(
         states: (1,) FILTER, what is remembered and room for work.
         hand: model constants, as `fit_frames` has them.
         solver: address of `information`.
-        settings: (1 to couple, 1 to follow the motion's noise, joints' noise variance [m^2] or 0
-            to follow it, its gain, time to coast [ns], time over which the bank forgets [s],
-            robust loss, the square of its spread [m^2]).
+        numbers: those of FilterNumbers.
         motion: process (3, 26): noise density of the accelerations, decay rate of the velocities
             [1/s], variance of the first velocities; and grid (3, K) of factors on the densities
             that are tried (see `learn`).
@@ -79,6 +85,7 @@ def filter_frames(
         notes: (T,) NOTE.
         keep: 1 to fill `kept` (T,) KEPT, which the smoother needs.
     """
+    settings = FilterNumbers(*numbers)
     works = np.zeros(1, dtype=WORK)
     load_hand(works[0], hand, settings)
     s = states[0]
@@ -91,10 +98,10 @@ def filter_frames(
             keep_prediction(s, kept[t])
         if see(s, works, solver, settings, frame, notes[t]):
             if keep:
-                rest = update(s, settings[0], keep, kept[t].information, kept[t].pull)
+                rest = update(s, settings.coupled, keep, kept[t].information, kept[t].pull)
                 keep_gain(s, kept[t])
             else:
-                rest = update(s, settings[0], keep, s.work, s.gradient)
+                rest = update(s, settings.coupled, keep, s.work, s.gradient)
             notes[t].likelihood -= rest
         _after(s, works, solver, settings, motion, raw[t], out[t], notes[t])
 
@@ -116,7 +123,7 @@ def enter(s, settings, process, now, raw, note):
 
 @inline
 def _before(s, works, solver, settings, motion, now, frame, note):
-    (process, grid), (targets, weights, raw), follow = motion, frame, settings[1]
+    (process, grid), (targets, weights, raw), follow = motion, frame, settings.follow
     s.white = 1.0
     kind = enter(s, settings, process, now, raw, note)
     if kind == BEGUN:
@@ -133,7 +140,7 @@ def _before(s, works, solver, settings, motion, now, frame, note):
 @inline
 def see(s, works, solver, settings, frame, note):
     """What a frame says (see `measure_frame`); whether it says anything."""
-    (targets, weights, raw), coupled = frame, settings[0]
+    (targets, weights, raw), coupled = frame, settings.coupled
     some = math.isfinite(raw.noise)
     if coupled:
         seen, _ = count_seen(weights)
@@ -154,7 +161,7 @@ def _after(s, works, solver, settings, motion, raw, out, note):
     if note.kind == NOTHING:
         return
     if note.kind == PREDICTED and s.measured:
-        if settings[1]:
+        if settings.follow:
             learn(s, grid, process)
         if math.isfinite(raw.noise):
             note.kind = UPDATED
@@ -163,8 +170,9 @@ def _after(s, works, solver, settings, motion, raw, out, note):
 
 
 @kernel
-def before_frame(states, hand, solver, settings, motion, now, targets, weights, raw, notes):
+def before_frame(states, hand, solver, numbers, motion, now, targets, weights, raw, notes):
     """What comes before a prediction; whether one is to be made. Of raw (1,), notes (1,)."""
+    settings = FilterNumbers(*numbers)
     works, frame = np.zeros(1, dtype=WORK), (targets, weights, raw[0])
     load_hand(works[0], hand, settings)
     kind = _before(states[0], works, solver, settings, motion, now, frame, notes[0])
@@ -172,16 +180,18 @@ def before_frame(states, hand, solver, settings, motion, now, targets, weights, 
 
 
 @kernel
-def measure(states, hand, solver, settings, targets, weights, raw, notes):
+def measure(states, hand, solver, numbers, targets, weights, raw, notes):
     """What comes between prediction and update (see `measure_frame`); whether there is one."""
+    settings = FilterNumbers(*numbers)
     works, frame = np.zeros(1, dtype=WORK), (targets, weights, raw[0])
     load_hand(works[0], hand, settings)
     return see(states[0], works, solver, settings, frame, notes[0])
 
 
 @kernel
-def after_frame(states, hand, solver, settings, motion, raw, out, notes):
+def after_frame(states, hand, solver, numbers, motion, raw, out, notes):
     """What comes after an update."""
+    settings = FilterNumbers(*numbers)
     works = np.zeros(1, dtype=WORK)
     load_hand(works[0], hand, settings)
     _after(states[0], works, solver, settings, motion, raw[0], out[0], notes[0])

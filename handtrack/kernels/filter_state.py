@@ -8,6 +8,8 @@ too: the drift (see `coloured`).
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from handtrack.kernels.compiled import inline
@@ -176,6 +178,34 @@ KEPT_DRIFTING = np.dtype(_KEPT_DRIFTING, align=True)
 """The same of a state with drift."""
 NOTE = np.dtype([("kind", "i8"), ("likelihood", "f8"), ("noise", "f8")], align=True)
 """What happened to a frame, its log likelihood [nats], the joints' noise variance [m^2]."""
+
+
+class FilterNumbers(NamedTuple):
+    """How frames are filtered. Compiled code is given plain tuples: those it takes faster.
+
+    Attributes:
+        coupled: 1 to couple pose and prediction.
+        follow: 1 to follow the motion's noise.
+        noise: variance of the joints [m^2], or 0 to follow it with `gain`.
+        coast_ns: how long a state holds without a fit [ns].
+        forget_s: time over which the bank forgets [s].
+        loss, spread2: the robust loss, the square of its spread [m^2].
+        share: what share of the joints' noise lasts, negative to follow it.
+        moving: what part of the residuals is not their mean, negative to follow it.
+        lasts_s: how long the noise lasts [s].
+    """
+
+    coupled: int
+    follow: int
+    noise: float
+    gain: float
+    coast_ns: int
+    forget_s: float
+    loss: int
+    spread2: float
+    share: float = 0.0
+    moving: float = 1.0
+    lasts_s: float = 0.1
 
 
 @inline

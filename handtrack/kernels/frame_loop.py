@@ -7,6 +7,7 @@ same to the last bit.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -55,6 +56,50 @@ MISBENT = 0.02
 # and must gain this share to be taken; next to nothing then, but after a fitted frame that one
 # is, under noise, the better guess
 COLD_GAIN, WARM_GAIN = 1e-9, 0.1
+
+
+class Solvers(NamedTuple):
+    """Addresses of what fits a frame. Compiled code is given plain tuples: those it takes faster.
+
+    Attributes:
+        descend: Algorithm 1.
+        newton: the Newton steps; 0: Algorithm 1 alone.
+        bends: the fingers' other bends; 0: none are tried.
+        apart: `move_apart`; 0: nothing is.
+        covariance: of the pose, or its variances.
+    """
+
+    descend: int
+    newton: int
+    bends: int
+    apart: int
+    covariance: int
+
+
+class FitNumbers(NamedTuple):
+    """How frames are fitted.
+
+    Attributes:
+        cold_sweeps, max_sweeps: sweeps of a cold start, and at most.
+        max_steps: Newton steps at most.
+        tolerance: relative gain at which a solve ends.
+        loss, spread: the robust loss, its spread [m].
+        noise: variance of the joints [m^2], or 0 for what the residual shows.
+        min_joints: a frame with fewer is not fitted; with at least one joint every frame is
+            fitted that has one, else also none with its joints on a line.
+        alone: 1 where every frame starts anew from the mean.
+    """
+
+    cold_sweeps: int
+    max_sweeps: int
+    max_steps: int
+    tolerance: float
+    loss: int
+    spread: float
+    noise: float
+    min_joints: int = 1
+    alone: int = 0
+
 
 # a solve that stalls is handed to the sweeps and begun again so often
 ATTEMPTS = 8
@@ -112,7 +157,8 @@ def load_settings(w, model, contacts, settings, full):
     for i in range(len(contacts)):
         for j in range(PAIR):
             w.contact[i, j] = contacts[i, j]
-    w.max_steps, w.loss, w.spread2 = settings[2], settings[4], settings[5] * settings[5]
+    w.max_steps, w.loss = settings.max_steps, settings.loss
+    w.spread2 = settings.spread * settings.spread
     w.full = 1 if full else 0
 
 
@@ -140,16 +186,15 @@ def skip_frame(row, seen, state):
 @inline
 def solve(w, solvers, settings, cold):
     """Sweeps and Newton steps from the pose in the workspace, a cold start or a warm one."""
-    descend, newton = solvers[0], solvers[1]
-    cold_sweeps, max_sweeps, tolerance = settings[0], settings[1], settings[3]
+    newton, tolerance = solvers.newton, settings.tolerance
     w.state = STALLED
     w.cold = cold
-    sweeps = cold_sweeps if cold or newton == 0 else 0
+    sweeps = settings.cold_sweeps if cold or newton == 0 else 0
     for _ in range(ATTEMPTS):
         if sweeps > 0:
-            w.max_sweeps = sweeps if newton != 0 else max_sweeps
+            w.max_sweeps = sweeps if newton != 0 else settings.max_sweeps
             w.tolerance = 1e-12 if newton != 0 else tolerance
-            call(descend, w)
+            call(solvers.descend, w)
         if newton != 0:
             w.tolerance = tolerance
             call(newton, w)
@@ -179,9 +224,8 @@ def solve_from_starts(w, solvers, settings, mean, keep, best_angles, best_root):
 @inline
 def try_other_bends(w, solvers, warm, best, best_angles, best_root):
     """The best objective after fingers that may be bent the wrong way are bent the other way."""
-    newton, bends = solvers[1], solvers[2]
     load_pose(w, best_angles, best_root)
-    call(bends, w)
+    call(solvers.bends, w)
     enough = best * (1.0 - (WARM_GAIN if warm else COLD_GAIN))
     for f in range(FINGERS):
         if w.rise[f] > (0.0 if warm else MISBENT * best):
@@ -189,7 +233,7 @@ def try_other_bends(w, solvers, warm, best, best_angles, best_root):
         load_pose(w, best_angles, best_root)
         for a in range(ANGLES):
             w.angle[a, f] = w.trial[a, f]
-        call(newton, w)
+        call(solvers.newton, w)
         if w.objective < enough and w.state == CONVERGED:
             best = enough = w.objective
             store_pose(w, best_angles, best_root)
@@ -239,8 +283,7 @@ def fit_in(
     works, model, contacts, solvers, settings, mean, kept, targets, weights, out, out_covariance
 ):
     """`fit_frames`, in a workspace (1,) that the caller keeps alive: a record does not."""
-    apart, covariance, known = solvers[3], solvers[4], settings[6]
-    min_joints, alone = settings[7], settings[8]
+    min_joints = settings.min_joints
     for t in range(len(targets)):
         wrong = clean(targets[t], weights[t])
         if wrong != GOOD:
@@ -250,7 +293,7 @@ def fit_in(
     load_settings(w, model, contacts, settings, full)
     best_angles, best_root = np.empty(N_ANGLES), np.empty(12)
     for t in range(len(targets)):
-        if alone:
+        if settings.alone:
             keep.memory = NEW
         seen, top = count_seen(weights[t])
         line = seen < 3 or on_a_line(targets[t], weights[t])
@@ -262,20 +305,20 @@ def fit_in(
         out[t].anew = 0
         load_frame(w, targets[t], weights[t], top)
         best, state = solve_from_starts(w, solvers, settings, mean, keep, best_angles, best_root)
-        if solvers[1] != 0 and solvers[2] != 0 and state == CONVERGED:
+        if solvers.newton != 0 and solvers.bends != 0 and state == CONVERGED:
             warm = keep.memory == FITTED
             best = try_other_bends(w, solvers, warm, best, best_angles, best_root)
         keep.memory = FITTED
         load_pose(w, best_angles, best_root)
-        if apart != 0:
-            call(apart, w)
+        if solvers.apart != 0:
+            call(solvers.apart, w)
             best = w.objective
         store_pose(w, keep.angles, keep.root)
-        call(covariance, w)
+        call(solvers.covariance, w)
         store_pose_row(w, keep.angles, keep.root, out[t])
         out[t].worst = greatest_distance(w)
         state = UNDERDETERMINED if line else state
-        store_results(w, out[t], best, top, known, seen, state)
+        store_results(w, out[t], best, top, settings.noise, seen, state)
         if full:
             for i in range(N_POSE):
                 for j in range(N_POSE):
@@ -285,21 +328,14 @@ def fit_in(
 
 @kernel
 def fit_frames(
-    model, contacts, solvers, settings, mean, keep, targets, weights, out, out_covariance
+    model, contacts, addresses, numbers, mean, keep, targets, weights, out, out_covariance
 ):
     """Fit frame after frame, each from the one before.
 
     Args:
         model: as `load_model` takes it.
         contacts: (P, 5) pairs of capsules (see `hand.capsules.contacts`); (0, 5) for none.
-        solvers: addresses of Algorithm 1, of the Newton steps (0: Algorithm 1 alone), of the
-            fingers' other bends (0: none are tried), of `move_apart` (0: nothing is) and of the
-            covariance.
-        settings: (sweeps of a cold start, sweeps at most, steps at most, tolerance, robust loss,
-            its spread [m], variance of the joints [m^2] or 0 for what the residual shows, joints
-            below which a frame is not fitted, 1 where every frame starts anew from `mean`). With
-            at least one joint every frame is fitted that has one, else also none with its joints
-            on a line.
+        addresses, numbers: those of Solvers and FitNumbers.
         mean: (20,) the pose of a cold start.
         keep: (1,) KEEP, overwritten.
         targets: (T, 21, 3), NaN = missing; weights: (T, 21). Overwritten: a joint is missing as
@@ -312,6 +348,7 @@ def fit_frames(
         GOOD; INFINITE_JOINT or BAD_WEIGHT (negative or not finite), and nothing is fitted.
     """
     works = np.zeros(1, dtype=WORK)
+    solvers, settings = Solvers(*addresses), FitNumbers(*numbers)
     return fit_in(
         works, model, contacts, solvers, settings, mean, keep, targets, weights, out, out_covariance
     )

@@ -176,7 +176,7 @@ def fit_views(
 
     Args:
         hand: as `load_model` takes it.
-        cameras: (C, 25); pixels: (T, C, 21, 2); weights: (T, C, 21), 0 where not seen.
+        cameras: (C,) LENS; pixels: (T, C, 21, 2); weights: (T, C, 21), 0 where not seen.
         spread: distance at which the loss bends from square to linear [px]; 0: never.
         prior: (T, 20) angles; stiffness: (20,) [px^2/rad^2] of the pull towards them.
         starts: (T, 20), inside the limits; roots: (T, 12). Both take the results.

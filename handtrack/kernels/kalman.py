@@ -129,32 +129,40 @@ def take_pose(s, coupled):
 def update(s, coupled, keep, information, pull):
     """Take in what `measure_frame` found; arguments and result as of `take_in`."""
     less = take_in(s, coupled, keep, information, pull)
-    update_velocities(s)
+    update_rest(s, s.pose_speed, s.speed_speed, s.work, s.work_2)
+    for i in range(N_POSE):
+        d = s.distance[i]
+        for j in range(N_POSE):
+            s.velocity[j] += s.work[i, j] * d
     take_pose(s, coupled)
     return less
 
 
 @inline
-def update_velocities(s):
-    """(34) The velocities' regression on the pose, P^-1 P_xv, and the covariance after it."""
-    multiply(s.precision, s.pose_speed, s.work)
-    for i in range(N_POSE):
-        d = s.distance[i]
-        for j in range(N_POSE):
-            s.velocity[j] += s.work[i, j] * d
-    multiply(s.posterior, s.work, s.work_2)
+def update_rest(s, pose_rest, rest, slopes, room):
+    """(34) The regression of the state's rest on the pose, P^-1 P_xr; the covariance after it.
+
+    Args:
+        pose_rest, rest: the covariance's blocks P_xr and P_rr.
+        slopes: (26, R) takes the regression; room: (26, R) is overwritten.
+    """
+    columns = pose_rest.shape[1]
+    multiply(s.precision, pose_rest, slopes)
+    multiply(s.posterior, slopes, room)
     for k in range(0, N_POSE, 2):
-        for i in range(N_POSE):
-            d = s.pose_speed[k, i] - s.work_2[k, i]
-            e = s.pose_speed[k + 1, i] - s.work_2[k + 1, i]
-            for j in range(i, N_POSE):
-                s.speed_speed[i, j] -= d * s.work[k, j] + e * s.work[k + 1, j]
+        for i in range(columns):
+            d = pose_rest[k, i] - room[k, i]
+            e = pose_rest[k + 1, i] - room[k + 1, i]
+            for j in range(i, columns):
+                rest[i, j] -= d * slopes[k, j] + e * slopes[k + 1, j]
+    for i in range(columns):
+        for j in range(i):
+            rest[i, j] = rest[j, i]
     for i in range(N_POSE):
         for j in range(N_POSE):
             s.pose_pose[i, j] = s.posterior[i, j]
-            s.pose_speed[i, j] = s.work_2[i, j]
-        for j in range(i):
-            s.speed_speed[i, j] = s.speed_speed[j, i]
+        for j in range(columns):
+            pose_rest[i, j] = room[i, j]
 
 
 @inline
@@ -207,11 +215,11 @@ def pass_time(s, settings, process, now, raw_noise):
     Returns NOTHING where there is no state, BEGUN where this frame begins one, or PREDICTED.
     """
     fitted = math.isfinite(raw_noise)
-    if s.known and now - s.fitted_ns > settings[4]:
+    if s.known and now - s.fitted_ns > settings.coast_ns:
         s.known = 0
-    follow_noise(s, raw_noise, settings[2], settings[3])
+    follow_noise(s, raw_noise, settings.noise, settings.gain)
     dt = (now - s.time_ns) * 1e-9
-    s.fade = math.exp(-dt / settings[5])
+    s.fade = math.exp(-dt / settings.forget_s)
     s.time_ns = now
     if fitted:
         s.fitted_ns = now

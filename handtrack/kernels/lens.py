@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from handtrack.kernels.compiled import inline
-from handtrack.kernels.vectors import add, dot, scale, sub
+from handtrack.kernels.vectors import add, dot, row, scale, sub
 
-# places in a camera's numbers (see cameras.Camera.numbers)
-FX, SKEW, CX, FY, CY, K1, K2, P1, P2, K3, K4, K5, K6, ROTATION = range(14)
-TRANSLATION = ROTATION + 9
 # nearer than this a point is not in front of a camera [m]
 NEAR = 1e-3
 
@@ -18,18 +15,16 @@ def view(camera, p):
 
     The lens model is that of cameras.Camera.
     """
-    r = ROTATION
-    r1 = (camera[r], camera[r + 1], camera[r + 2])
-    r2 = (camera[r + 3], camera[r + 4], camera[r + 5])
-    r3 = (camera[r + 6], camera[r + 7], camera[r + 8])
-    z = dot(r3, p) + camera[TRANSLATION + 2]
+    r1, r2, r3 = row(camera.rotation, 0), row(camera.rotation, 1), row(camera.rotation, 2)
+    t = camera.translation
+    z = dot(r3, p) + t[2]
     if z < NEAR:
         return False, 0.0, 0.0, r1, r2
-    a = (dot(r1, p) + camera[TRANSLATION]) / z
-    b = (dot(r2, p) + camera[TRANSLATION + 1]) / z
-    k1, k2, k3 = camera[K1], camera[K2], camera[K3]
-    k4, k5, k6 = camera[K4], camera[K5], camera[K6]
-    p1, p2 = camera[P1], camera[P2]
+    a = (dot(r1, p) + t[0]) / z
+    b = (dot(r2, p) + t[1]) / z
+    bent = camera.distortion
+    k1, k2, p1, p2, k3 = bent[0], bent[1], bent[2], bent[3], bent[4]
+    k4, k5, k6 = bent[5], bent[6], bent[7]
     q = a * a + b * b
     top = 1.0 + q * (k1 + q * (k2 + q * k3))
     low = 1.0 + q * (k4 + q * (k5 + q * k6))
@@ -42,15 +37,15 @@ def view(camera, p):
     xa = radial + 2.0 * slope * a * a + 2.0 * p1 * b + 6.0 * p2 * a
     xb = 2.0 * slope * a * b + 2.0 * p1 * a + 2.0 * p2 * b
     yb = radial + 2.0 * slope * b * b + 6.0 * p1 * b + 2.0 * p2 * a
-    fx, skew, fy = camera[FX], camera[SKEW], camera[FY]
+    fx, skew, fy = camera.fx, camera.skew, camera.fy
     ua, ub = (fx * xa + skew * xb) / z, (fx * xb + skew * yb) / z
     va, vb = fy * xb / z, fy * yb / z
     # a, b by the world: (r1 - a r3) / z, (r2 - b r3) / z
     da, db = sub(r1, scale(a, r3)), sub(r2, scale(b, r3))
     return (
         True,
-        fx * x + skew * y + camera[CX],
-        fy * y + camera[CY],
+        fx * x + skew * y + camera.cx,
+        fy * y + camera.cy,
         add(scale(ua, da), scale(ub, db)),
         add(scale(va, da), scale(vb, db)),
     )

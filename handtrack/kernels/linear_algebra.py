@@ -144,13 +144,17 @@ def subtract_square(w, a):
 
 @inline
 def multiply(a, b, out):
-    """out = a b, by blocks of two rows and two columns, which saves most loads and stores."""
+    """out = a b, for b of any width.
+
+    By blocks of two rows and two columns, which saves most loads and stores.
+    """
+    columns = b.shape[1]
     for i in range(0, N, 2):
-        for j in range(N):
+        for j in range(columns):
             out[i, j] = out[i + 1, j] = 0.0
         for k in range(0, N, 2):
             a00, a01, a10, a11 = a[i, k], a[i, k + 1], a[i + 1, k], a[i + 1, k + 1]
-            for j in range(N):
+            for j in range(columns):
                 x, y = b[k, j], b[k + 1, j]
                 out[i, j] += a00 * x + a01 * y
                 out[i + 1, j] += a10 * x + a11 * y

@@ -42,7 +42,7 @@ def weigh_pixels(w, seen):
     """Place the pose and weigh it: the objective.
 
     Args:
-        seen: cameras (C, 25), pixels (C, 21, 2), weights (C, 21), the square of the distance at
+        seen: cameras (C,) LENS, pixels (C, 21, 2), weights (C, 21), the square of the distance at
             which the loss bends [px^2] or 0, expected angles (20,), stiffness (20,).
     """
     cameras, pixels, weights, spread2, prior, stiffness = seen

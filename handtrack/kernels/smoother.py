@@ -11,7 +11,7 @@ import numpy as np
 
 from handtrack.kernels.compiled import inline, kernel
 from handtrack.kernels.filter_loop import load_hand, store_row
-from handtrack.kernels.filter_state import BEGUN, KEPT, NOTHING, copy_pose, move_pose
+from handtrack.kernels.filter_state import BEGUN, KEPT, NOTHING, FilterNumbers, copy_pose, move_pose
 from handtrack.kernels.linear_algebra import apply_matrix
 from handtrack.kernels.variances import (
     clear_spread,
@@ -99,26 +99,28 @@ def room_to_run():
 
 
 @kernel
-def smooth_frames(hand, solver, settings, first, last, notes, kept, out):
+def smooth_frames(hand, solver, numbers, first, last, notes, kept, out):
     """Smoothed poses of the frames first..last - 1 from all that is kept.
 
     Args:
-        hand, solver, settings: as in `filter_frames`.
+        hand, solver, numbers: as in `filter_frames`.
         first, last: which poses are wanted.
         notes: (T,) NOTE; kept: (T,) KEPT, as in `filter_frames`.
         out: (last - first,) RESULT; frames without a pose are left as they are.
     """
+    settings = FilterNumbers(*numbers)
     room = room_to_run()
     load_hand(room[0][0], hand, settings)
     run_back(first, last, len(notes), notes, kept, room, solver, out, 0)
 
 
 @kernel
-def lag_frames(hand, solver, settings, lag, notes, kept, out):
+def lag_frames(hand, solver, numbers, lag, notes, kept, out):
     """Poses of the frames 0..T - lag - 1, each smoothed by the `lag` frames after it.
 
     Args: as in `smooth_frames`; out (T - lag,) RESULT.
     """
+    settings = FilterNumbers(*numbers)
     room = room_to_run()
     load_hand(room[0][0], hand, settings)
     for t in range(len(notes) - lag):

@@ -138,6 +138,22 @@ _FIELDS: list[tuple[str, str, tuple[int, ...]]] = [
 
 WORK = np.dtype(_FIELDS, align=True)
 
+LENS = np.dtype(
+    [
+        ("fx", "f8"),
+        ("skew", "f8"),
+        ("cx", "f8"),
+        ("fy", "f8"),
+        ("cy", "f8"),
+        # k1 k2 p1 p2 k3 k4 k5 k6
+        ("distortion", "f8", (8,)),
+        ("rotation", "f8", (3, 3)),
+        ("translation", "f8", (_XYZ,)),
+    ],
+    align=True,
+)
+"""A camera (see `cameras.Camera`)."""
+
 RESULT = np.dtype(
     [
         # the pose: angles [rad]; rotation by rows and translation [m], in one; the rotation's

@@ -13,7 +13,15 @@ from handtrack.fitting.settings import LOSSES
 from handtrack.hand.model import HandModel
 from handtrack.kernels import drift_loop, drift_smoother, filter_loop, smoother
 from handtrack.kernels import evidence as motion
-from handtrack.kernels.filter_state import DRIFTING, FILTER, KEPT, KEPT_DRIFTING, NOTE, NOTHING
+from handtrack.kernels.filter_state import (
+    DRIFTING,
+    FILTER,
+    KEPT,
+    KEPT_DRIFTING,
+    NOTE,
+    NOTHING,
+    FilterNumbers,
+)
 from handtrack.kernels.information import information
 from handtrack.kernels.kalman import LEAST_NOISE
 from handtrack.kernels.workspace import RESULT, UNFITTED, Records
@@ -61,15 +69,15 @@ class KalmanFilter:
         """
         self._hand = solver.constants(model)
         factor = settings.filter.process_noise
-        self._settings: tuple[Any, ...] = (
-            int(settings.filter.couple),
-            int(factor == "auto"),
-            settings.fit.noise_m2,
-            _NOISE_GAIN,
-            settings.coast_ns,
-            process_noise.MEMORY_S,
-            LOSSES.index(settings.fit.robust),
-            (1e-3 * settings.fit.spread_mm) ** 2,
+        self._settings = FilterNumbers(
+            coupled=int(settings.filter.couple),
+            follow=int(factor == "auto"),
+            noise=settings.fit.noise_m2,
+            gain=_NOISE_GAIN,
+            coast_ns=settings.coast_ns,
+            forget_s=process_noise.MEMORY_S,
+            loss=LOSSES.index(settings.fit.robust),
+            spread2=(1e-3 * settings.fit.spread_mm) ** 2,
         )
         density = process_noise.DENSITY if factor == "auto" else process_noise.scaled(factor)
         self._process = process_noise.process(density)
@@ -104,8 +112,8 @@ class KalmanFilter:
 
     @property
     def with_model(self) -> tuple[Any, int, tuple[Any, ...]]:
-        """What every compiled function takes of the filter: hand, solver, settings."""
-        return self._hand, information.address, self._settings
+        """What every compiled function takes of the filter: hand, solver, FilterNumbers."""
+        return self._hand, information.address, tuple(self._settings)
 
     def _run(self, frames: Frames, kept: Records | None) -> tuple[Records, Records]:
         """Rows (T,) and notes (T,), as `filter_frames` has them."""
@@ -151,8 +159,10 @@ class DriftingFilter(KalmanFilter):
     @property
     def with_model(self) -> tuple[Any, int, tuple[Any, ...]]:
         """As `KalmanFilter`."""
-        hand, address, settings = super().with_model
-        return hand, address, (*settings, self.share, self.moving, self.lasts_s)
+        settings = self._settings._replace(
+            share=self.share, moving=self.moving, lasts_s=self.lasts_s
+        )
+        return self._hand, information.address, tuple(settings)
 
 
 def _no_frames() -> Steadied:
@@ -248,7 +258,8 @@ class Smoother:
         inputs = self._inputs
         if not len(inputs):
             return
-        coupled, _, noise, gain, coast_ns, forget_s, *rest = self._settings
+        settings = self._settings
+        noise, forget_s = settings.noise, settings.forget_s
         shown = inputs.column("noise")
         if not noise and np.isfinite(shown).any():
             noise = max(float(np.nanmedian(shown)), LEAST_NOISE)
@@ -262,9 +273,11 @@ class Smoother:
         if self._drifting is not None and share > 0.0:
             self._kalman, forget_s = self._drifting, _FORGET_S
         kalman = self._kalman
-        reached = _within_reach(inputs.times_ns, np.isfinite(shown), coast_ns)
+        reached = _within_reach(inputs.times_ns, np.isfinite(shown), settings.coast_ns)
         try:
-            kalman._settings = (coupled, int(follow), noise, gain, 2 * coast_ns, forget_s, *rest)
+            kalman._settings = settings._replace(
+                follow=int(follow), noise=noise, coast_ns=2 * settings.coast_ns, forget_s=forget_s
+            )
             if self._learn and not follow:
                 kalman._process = process_noise.process(self._learnt(inputs))
             done = 0

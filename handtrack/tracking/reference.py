@@ -63,13 +63,13 @@ class FilterPyFilter(KalmanFilter):
             # what is best with the prediction, as if measured without it
             r = np.linalg.inv(s["system"])
             z = s["distance"].copy()
-            if self._settings[0]:
+            if self._settings.coupled:
                 z += r @ s["pull"]
             self._get(s)
             self._filter.update(z[:, None], R=r)
             s["distance"] = moved = self._put(s)
             log = -np.linalg.slogdet(s["pose_pose"])[1]
-            if not self._settings[0]:
+            if not self._settings.coupled:
                 # as in `kalman.update`
                 log += z @ s["precision"] @ (moved - z)
             shown[3]["likelihood"] -= 0.5 * log

@@ -62,7 +62,7 @@ def test_the_better_bend_is_found():
     for trials in (True, False):
         program = solver.Program()
         if not trials:
-            program.solvers = (*program.solvers[:2], 0, *program.solvers[3:])
+            program.solvers = program.solvers._replace(bends=0)
         results, keep = solver.Results(len(joints)), solver.start_at(MODEL)
         weights, start = np.ones((len(joints), 21)), MODEL.mean_angles
         results.run(program, MODEL, joints.copy(), weights, keep, start, alone=True)

@@ -10,7 +10,15 @@ from plain import plain, positive, record
 from scipy.spatial.transform import Rotation
 
 from handtrack.kernels import evidence, kalman, measurement, motion_noise, smoother
-from handtrack.kernels.filter_state import BANK, BEGUN, FILTER, KEPT, NOTHING, PREDICTED
+from handtrack.kernels.filter_state import (
+    BANK,
+    BEGUN,
+    FILTER,
+    KEPT,
+    NOTHING,
+    PREDICTED,
+    FilterNumbers,
+)
 
 N = 26
 
@@ -140,7 +148,7 @@ def test_noise_is_as_given_or_a_mean_in_which_a_stray_frame_counts_fourfold():
 
 def test_a_state_ends_after_the_coast_and_begins_with_a_fit():
     s, process = record(FILTER), np.ones((3, N))
-    settings = (1.0, 0.0, 1.0, 0.1, 2e8, 0.5)
+    settings = FilterNumbers(1, 0, 1.0, 0.1, 200_000_000, 0.5, 0, 0.0)
     pass_time = plain(kalman.pass_time)
     assert pass_time(s, settings, process, 0, math.nan) == NOTHING
     assert pass_time(s, settings, process, 10**8, 1.0) == BEGUN

@@ -50,7 +50,7 @@ def fitted(pixels, weights, start, root, spread=0.0, stiffness=0.0, most=100):
     """Angles, root, objective, steps, state and covariance of one frame."""
     starts, roots = start[None].copy(), root[None].copy()
     out = tuple(np.zeros((1, *s)) for s in ((21, 3), (), (), (), (26, 26)))
-    cameras = np.stack([c.numbers for c in CAMERAS])
+    cameras = np.stack([c.lens for c in CAMERAS])
     settings = float(most), 1e-12
     prior, stiff = np.zeros((1, 20)), np.full(20, stiffness)
     fit_views(
@@ -170,7 +170,7 @@ def test_the_step_damped_is_levenberg_and_marquardts():
     truth = pose(4)
     start, root = start_near(*truth, seed=2)
     w = workspace(MODEL, np.zeros((21, 3)), np.ones(21), start, root[:9].reshape(3, 3), root[9:])
-    cameras = np.stack([c.numbers for c in CAMERAS])
+    cameras = np.stack([c.lens for c in CAMERAS]).view(np.recarray)
     seen = cameras, shown(*truth), np.ones((3, 21)), 0.0, np.zeros(20), np.zeros(20)
     plain(weigh_pixels)(w, seen)
     square = (26, 26)

@@ -16,7 +16,7 @@ BENT = [-0.12, 0.08, 0.01, -0.02, 0.01, 0.02, -0.01, 0.005]
 
 @njit
 def view(camera, p):
-    return compiled(camera, p)
+    return compiled(camera[0], p)
 
 
 def some_camera(rng: np.random.Generator) -> Camera:
@@ -30,7 +30,7 @@ def test_pictures_are_the_cameras_and_move_as_their_derivatives_say():
         camera = some_camera(rng)
         seen = np.append(rng.uniform(-0.4, 0.4, 2), 1.0) * rng.uniform(0.3, 3)
         point = camera.rotation.T @ (seen - camera.translation)
-        front, u, v, du, dv = view(camera.numbers, tuple(point))
+        front, u, v, du, dv = view(camera.lens[None], tuple(point))
         assert front
         assert np.allclose((u, v), camera.project(point), rtol=0, atol=1e-9)
         steps = h * np.eye(3)
@@ -42,4 +42,4 @@ def test_what_is_behind_or_too_near_has_no_picture():
     camera = some_camera(np.random.default_rng(1))
     for depth in (-1.0, 0.0, 0.5 * NEAR):
         point = camera.rotation.T @ (np.array([0.0, 0.0, depth]) - camera.translation)
-        assert not view(camera.numbers, tuple(point))[0]
+        assert not view(camera.lens[None], tuple(point))[0]

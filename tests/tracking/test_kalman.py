@@ -237,7 +237,7 @@ def test_the_motions_noise_is_learnt():
     assert abs(ratio.mean()) < np.log(1.6)
     smoother = make_filter(steady("rts"), MODEL)
     smoother.advance(frames)
-    smoother._kalman._settings = (*stream._settings[:1], 0, *stream._settings[2:])
+    smoother._kalman._settings = stream._settings._replace(follow=0)
     ratio = np.log(smoother._learnt(smoother._inputs) / density)
     assert np.abs(ratio).max() < np.log(2.5)
     assert abs(ratio.mean()) < np.log(1.2)

@@ -94,7 +94,7 @@ def compiled(
     n = len(joints)
     results = solver.Results(n, full=False)
     hand = solver.constants(model), program.contacts(model)
-    given = (*hand, program.solvers, (*program.settings, 1, 0), model.mean_angles)
+    given = (*hand, tuple(program.solvers), tuple(program.settings), model.mean_angles)
     keep = solver.start_at(model)
     times = np.empty((2, rounds, n))
     for r in range(rounds):
