@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import pickle
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 import handtrack as ht
+from handtrack.auditing.audit import audit
 from handtrack.read_only import make_read_only, read_only
 
 Made = Callable[[], dict[str, Any]]
@@ -30,6 +32,21 @@ def arrays(value: Any, name: str = "") -> Iterator[tuple[str, np.ndarray[Any, An
     elif dataclasses.is_dataclass(value):
         for key, inner in vars(value).items():  # with what cached properties keep
             yield from arrays(inner, f"{name}.{key}")
+
+
+def containers(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """All dictionaries and lists that a dataclass holds, by where they stand."""
+    if isinstance(value, dict | list):
+        yield name, value
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from containers(inner, f"{name}.{key}")
+    elif isinstance(value, list | tuple):
+        for i, inner in enumerate(value):
+            yield from containers(inner, f"{name}.{i}")
+    elif dataclasses.is_dataclass(value):
+        for key, inner in vars(value).items():
+            yield from containers(inner, f"{name}.{key}")
 
 
 def spoil(value: Any) -> int:
@@ -75,6 +92,21 @@ def made(sample: ht.Sequence, tmp_path_factory: pytest.TempPathFactory) -> Made:
         }
 
     return make
+
+
+def test_settings_and_numbers_can_only_be_read(made: Made) -> None:
+    """What a track says of how it was made is no more to be written to than its arrays."""
+    values = made()
+    values["audited"] = audit([values["clip"]], fit=False)[0]
+    inside = [(name, *found) for name, v in values.items() for found in containers(v)]
+    for name, place, held in inside:
+        if name in ("read", "from mano") and place == "":
+            continue  # the call's own list
+        with pytest.raises(TypeError):
+            held.__setitem__("x" if isinstance(held, dict) else slice(0, 0), [1])
+    assert {"track", "audited"} <= {name for name, *_ in inside}
+    track = values["track"]
+    assert pickle.loads(pickle.dumps(track.settings)) == track.settings == {**track.settings}
 
 
 def test_what_leaves_is_safe(made: Made) -> None:

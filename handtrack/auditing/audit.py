@@ -9,19 +9,14 @@ import numpy as np
 
 from handtrack.auditing.bones import bone_findings, limit_findings, shape_findings, side_findings
 from handtrack.auditing.findings import KINDS, Audited, Finding
-from handtrack.auditing.motion import (
-    frozen_findings,
-    jump_findings,
-    shake_findings,
-    time_findings,
-)
+from handtrack.auditing.motion import frozen_findings, motion_findings, time_findings
 from handtrack.errors import InputError
 from handtrack.sequences.identity import repair_identity
 from handtrack.sequences.sequence import Sequence
 
 _CHECKS = (
-    *(shape_findings, side_findings, time_findings, frozen_findings, jump_findings),
-    *(bone_findings, limit_findings, shake_findings),
+    *(shape_findings, side_findings, time_findings, frozen_findings, motion_findings),
+    *(bone_findings, limit_findings),
 )
 _RESIDUAL_MM, _RESIDUAL = 3.0, 1.5
 """A calibrated hand that leaves so much more than any hand of rigid bones does."""
@@ -65,9 +60,7 @@ def _audited(s: Sequence, repaired: Sequence, fit: bool) -> Audited:
 
 def _swapped(s: Sequence, repaired: Sequence) -> list[Finding]:
     """Frames that `repair_identity` takes from another sequence, or that were put back before."""
-    remarks = [
-        r for r in (*s.remarks, *repaired.remarks) if "exchanged" in r.text or "put back" in r.text
-    ]
+    remarks = [r for r in (*s.remarks, *repaired.remarks) if r.kind == "exchanged"]
     if not remarks:
         return []
     marks = np.zeros(s.present.shape, dtype=bool)

@@ -59,9 +59,18 @@ def frozen_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]
         yield Finding("frozen", text, _frames(s, marks), 1 + 9 * float(marks.mean()))
 
 
-def jump_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
+def motion_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
+    """Jumps and shakes, both seen from the palm."""
+    palm = palm_motion(s.joints)
+    yield from _jump_findings(s, palm, numbers)
+    yield from _shake_findings(s, palm, numbers)
+
+
+def _jump_findings(
+    s: Sequence, palm: tuple[Array, Array], numbers: dict[str, float]
+) -> Iterator[Finding]:
     """A hand that is suddenly elsewhere, and joints that are without their hand."""
-    middle, turns = palm_motion(s.joints)
+    middle, turns = palm
     broken = gaps_between(s.time_ns, len(s))
     off = _between(middle[:, None], broken)[:, 0]
     most = max(_GLITCH_M, _TIMES * float(median(off, 0)))
@@ -96,9 +105,11 @@ def jump_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
         )
 
 
-def shake_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
+def _shake_findings(
+    s: Sequence, palm: tuple[Array, Array], numbers: dict[str, float]
+) -> Iterator[Finding]:
     """The whole hand's shake, and that of the fingers by themselves."""
-    values = shake_values(s.joints, s.time_ns)
+    values = shake_values(s.joints, s.time_ns, palm=palm)
     for kind, name, most, unit in (
         ("hand shakes", "palm_mm", _SHAKE_MM, "mm"),
         ("fingers shake", "fingers_deg", _SHAKE_DEG, "degrees"),

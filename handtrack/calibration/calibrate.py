@@ -30,6 +30,7 @@ from handtrack.errors import InputError, ModelError, SettingsError
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import landmarks_on, reshaped, without_landmarks
 from handtrack.hand.skeleton import ANGLE_NAMES
+from handtrack.read_only import make_read_only
 from handtrack.sequences.sequence import Sequence
 
 Array = NDArray[np.float64]
@@ -85,6 +86,9 @@ class Calibration:
     drift: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
     rest_covariance: Array = field(default_factory=lambda: np.zeros((63, 63)))
+
+    def __post_init__(self) -> None:
+        make_read_only(self)
 
     def summary(self) -> dict[str, object]:
         """What was found, as plain JSON values."""

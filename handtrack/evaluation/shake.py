@@ -93,8 +93,17 @@ def shake(joints: ArrayLike, time_ns: ArrayLike) -> Shake:
     return Shake.of(shake_values(joints, time_ns))
 
 
-def shake_values(joints: ArrayLike, time_ns: ArrayLike, prefix: str = "") -> dict[str, Array]:
+def shake_values(
+    joints: ArrayLike,
+    time_ns: ArrayLike,
+    prefix: str = "",
+    palm: tuple[Array, Array] | None = None,
+) -> dict[str, Array]:
     """The sizes per frame that `Shake` sums up.
+
+    Args:
+        joints, time_ns: as in `shake`.
+        palm: what `palm_motion` says of the joints, where it is known already.
 
     Returns:
         `prefix` + a name of `Shake` -> (T,), NaN within 5 frames of an end, of a gap in time
@@ -108,12 +117,14 @@ def shake_values(joints: ArrayLike, time_ns: ArrayLike, prefix: str = "") -> dic
         raise InputError(f"{x.shape[1]} joints, expected 21")
     time = np.asarray(time_ns, dtype=np.int64)
     broken = gaps_between(time, len(x))
-    shape = palm_shape(x)
+    shape = palm_shape(x) if palm is None else None
     out: dict[str, Array] = {}
     for part in blocks(max(len(x), 1)):
         # with the frames around it that its windows reach
         begin, end = max(part.start - _REACH, 0), min(part.stop + _REACH, len(x))
-        found = _values(x[begin:end], time[begin:end], broken[begin : end - 1], shape)
+        some = x[begin:end]
+        known = _palm_motion(some, shape) if palm is None else tuple(v[begin:end] for v in palm)
+        found = _values(some, time[begin:end], broken[begin : end - 1], *known)
         for name, values in found.items():
             whole = out.setdefault(f"{prefix}{name}", np.empty(len(x)))
             whole[part] = values[part.start - begin : part.stop - begin]
@@ -121,10 +132,9 @@ def shake_values(joints: ArrayLike, time_ns: ArrayLike, prefix: str = "") -> dic
 
 
 def _values(
-    x: Array, time: NDArray[np.int64], broken: NDArray[np.bool_], shape: Array | None
+    x: Array, time: NDArray[np.int64], broken: NDArray[np.bool_], middle: Array, turns: Array
 ) -> dict[str, Array]:
     """As `shake_values`, of frames that are looked at together."""
-    middle, turns = _palm_motion(x, shape)
     inside = np.einsum("tji,tkj->tki", turns, x - middle[:, None])  # R^T (x - middle)
     fingers = inside[:, _FREE]
     high = _fast(inside[:, _FREE].reshape(len(x), -1), broken).reshape(fingers.shape)

@@ -13,7 +13,7 @@ from handtrack.detectors.chosen import AUTO
 from handtrack.errors import InputError, ModelError
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import reshaped, without_landmarks
-from handtrack.sequences.sequence import Remark, Sequence
+from handtrack.sequences.sequence import Remark, RemarkKind, Sequence
 from handtrack.tracking.sequence_track import track
 from handtrack.tracking.settings import TrackSettings
 from handtrack.tracking.track import Track
@@ -38,9 +38,19 @@ def input_of(stored: Track) -> Sequence:
         timed=stored.timed,
         numbered=stored.numbered,
         remarks=tuple(
-            Remark(*remark) for remark in _typed(stored, "remarks", list[tuple[int, int, str]], [])
+            Remark(*msgspec.structs.astuple(remark))
+            for remark in _typed(stored, "remarks", list[_StoredRemark], [])
         ),
     )
+
+
+class _StoredRemark(msgspec.Struct, array_like=True):
+    """A Remark as a recording has it. In old ones it has no kind: all were of this one."""
+
+    first_ns: int
+    last_ns: int
+    text: str
+    kind: RemarkKind = "exchanged"
 
 
 def _typed(stored: Track, name: str, kind: Any, otherwise: Any = None) -> Any:

@@ -232,5 +232,6 @@ def _remarks(
             if count > 1:
                 where = f"frames {index[first]} to {index[last]}"
             text = f"exchanged with {group[other].name}: {where} put back"
-            found.append(Remark(int(together.time_ns[first]), int(together.time_ns[last]), text))
+            begin, end = int(together.time_ns[first]), int(together.time_ns[last])
+            found.append(Remark(begin, end, text, "exchanged"))
     return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -14,6 +14,7 @@ from handtrack.files.long_arrays import blocks, by_blocks
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
 
 Array = NDArray[np.float64]
+RemarkKind = Literal["exchanged", "other"]
 
 
 @dataclass(frozen=True)
@@ -23,11 +24,14 @@ class Remark:
     Attributes:
         first_ns, last_ns: times of the first and the last frame [ns].
         text: one line.
+        kind: what was done: "exchanged" where joints were taken from another sequence's, or
+            "other".
     """
 
     first_ns: int
     last_ns: int
     text: str
+    kind: RemarkKind = "other"
 
 
 @dataclass(frozen=True, eq=False)

@@ -180,7 +180,7 @@ def _input_said(sequence: Sequence) -> dict[str, Any]:
     said: dict[str, Any] = {}
     if sequence.remarks:
         # what was done to the input is not seen in it, and belongs to the result
-        said["remarks"] = [[r.first_ns, r.last_ns, r.text] for r in sequence.remarks]
+        said["remarks"] = [[r.first_ns, r.last_ns, r.text, r.kind] for r in sequence.remarks]
     # what the source does not say of time, so that nobody compares by it
     assumed = {"time": not sequence.timed, "frame numbers": not sequence.numbered}
     if any(assumed.values()):

@@ -9,7 +9,7 @@ import pytest
 
 import handtrack as ht
 from handtrack.evaluation.difference import difference
-from handtrack.recording.retrack import as_stored, retrack
+from handtrack.recording.retrack import as_stored, input_of, retrack
 from handtrack.sequences.sequence import Remark
 from handtrack.tracking.settings import FILTERS
 
@@ -42,6 +42,16 @@ def same(a: ht.Track, b: ht.Track) -> list[str]:
         if not equal:
             out.append(field.name)
     return out
+
+
+def test_remarks_keep_their_kind_and_old_ones_have_it(gaps):
+    """Recordings of before had no kind: every remark was of an exchange."""
+    remark = Remark(int(gaps.time_ns[2]), int(gaps.time_ns[3]), "from the other", "exchanged")
+    track = ht.track(dataclasses.replace(gaps, remarks=(remark, *gaps.remarks)), filter="none")
+    assert [r.kind for r in input_of(track).remarks] == ["exchanged", "other"]
+    old = {"remarks": [[r[0], r[1], r[2]] for r in track.settings["remarks"]]}
+    was = input_of(dataclasses.replace(track, settings={**track.settings, **old}))
+    assert [r.kind for r in was.remarks] == ["exchanged", "exchanged"]
 
 
 @pytest.mark.parametrize("name", FILTERS)
