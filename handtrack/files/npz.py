@@ -17,7 +17,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError, shown
-from handtrack.files import budget
+from handtrack.files import budget, long_arrays
 
 DAMAGED = (
     ValueError,
@@ -44,15 +44,16 @@ _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _MEMBERS, _DIRECTORY = 65_535, 16 * budget.MB
 _END, _END_SIZE, _COMMENT = b"PK\x05\x06", 22, 65_535
 _HEADER = 10_000
+_PIECE = 1 << 20
 _DIMENSIONS = 32
 Unpickle = Callable[[bytes], Any]
 
 
-def read_npy(data: bytes, path: Path, unpickle: Unpickle | None = None) -> Any:
+def read_npy(data: bytes | NDArray[np.uint8], path: Path, unpickle: Unpickle | None = None) -> Any:
     """The array of a .npy file's bytes, which it holds exactly; it may not be written to.
 
     Args:
-        data: they.
+        data: they, as an array where they are many.
         path: named in errors.
         unpickle: for arrays of objects, which are pickles; without it they are refused.
 
@@ -60,7 +61,7 @@ def read_npy(data: bytes, path: Path, unpickle: Unpickle | None = None) -> Any:
         InputError: damaged, cut short, of objects, or of a type that is no plain one.
     """
     try:
-        shape, fortran, dtype, start = _header(io.BytesIO(data))
+        shape, fortran, dtype, start = _header(io.BytesIO(bytes(data[: 2 * _HEADER])))
     except DAMAGED as error:
         raise InputError(damage("the .npy file", error), path) from None
     if dtype.hasobject:
@@ -70,7 +71,7 @@ def read_npy(data: bytes, path: Path, unpickle: Unpickle | None = None) -> Any:
                 " plain arrays",
                 path,
             )
-        return unpickle(data[start:])
+        return unpickle(bytes(data[start:]))
     count = 1
     for n in shape:
         count *= n
@@ -132,8 +133,9 @@ def read_npz(
                 found = {}
                 for name, info in chosen.items():
                     with archive.open(info) as member:
-                        data = member.read()
-                    if data.startswith(npy.MAGIC_PREFIX):  # else a note, a picture
+                        data = _content(member, info.file_size)
+                    # else a note, a picture
+                    if bytes(data[: len(npy.MAGIC_PREFIX)]) == npy.MAGIC_PREFIX:
                         found[name] = _named(data, path, name, unpickle)
                 return found, [i.filename.removesuffix(".npy") for i in archive.infolist()]
     except InputError:
@@ -184,7 +186,19 @@ def _chosen(
     return chosen
 
 
-def _named(data: bytes, path: Path, name: str, unpickle: Unpickle | None) -> NDArray[Any] | Any:
+def _content(member: IO[bytes], size: int) -> bytes | NDArray[np.uint8]:
+    """All of a member; of a large one a map of a file that it is unpacked to."""
+    if size <= long_arrays.MOST:
+        return member.read()
+    made = long_arrays.Growing((), np.uint8)
+    while piece := member.read(_PIECE):
+        made.append(np.frombuffer(piece, np.uint8))
+    return made.whole()
+
+
+def _named(
+    data: bytes | NDArray[np.uint8], path: Path, name: str, unpickle: Unpickle | None
+) -> NDArray[Any] | Any:
     try:
         return read_npy(data, path, unpickle)
     except InputError as error:

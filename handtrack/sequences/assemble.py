@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handtrack.errors import InputError, SettingsError
+from handtrack.files.long_arrays import blocks, by_blocks
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS
 from handtrack.sequences.clock import UNIT_NS, Clock, TimeUnit, check_fps, read_clock
 from handtrack.sequences.coincident import without_coincident
@@ -71,7 +73,7 @@ def assemble(raw: Raw, given: Given) -> Sequence:
     pick = np.array(reading.picks)
     unit = unit_of(raw, given)
     to_metres = METRES[unit] * _MIRRORED[given.mirror]
-    joints = _picked(raw.joints, reading.picks) * to_metres
+    joints = by_blocks(lambda part: _picked(part, reading.picks) * to_metres, raw.joints)
     _check_reach(joints, raw)
     joints, coincident = without_coincident(joints)
     notes += coincident
@@ -92,7 +94,7 @@ def assemble(raw: Raw, given: Given) -> Sequence:
         notes += other
     return Sequence(
         time_ns=clock.time_ns,
-        joints=joints[rows],
+        joints=_taken(joints, rows),
         confidence=None if confidence is None else confidence[rows],  # type: ignore[arg-type]
         hand=raw.hand or "right",
         frame_index=None if raw.frame_index is None else raw.frame_index[rows],  # type: ignore[arg-type]
@@ -105,6 +107,13 @@ def assemble(raw: Raw, given: Given) -> Sequence:
         notes=tuple(notes),
         detector=raw.detector,
     )
+
+
+def _taken(joints: Array, rows: NDArray[np.int64]) -> Array:
+    """The joints of some frames; where they are all, and in order, as they are."""
+    if len(rows) == len(joints) and (np.diff(rows) == 1).all():
+        return joints
+    return by_blocks(lambda part: joints[part], rows)
 
 
 def _in_its_unit(truth: Array, joints: Array, unit: Unit) -> tuple[Array, list[str]]:
@@ -153,14 +162,16 @@ def without_marks(raws: list[Raw]) -> list[Raw]:
             if in_truth.any():
                 notes.append(f"{in_truth.sum()} true joints at {marks} were taken as missing")
             truth = np.where(in_truth[..., None], np.nan, truth)
-        joints = np.where(mask[..., None], np.nan, raw.joints)
+        joints = raw.joints
+        if mask.any():
+            joints = by_blocks(lambda x, of: np.where(of[..., None], np.nan, x), joints, mask)
         out.append(replace(raw, joints=joints, truth=truth, notes=(*raw.notes, *notes)))
     return out
 
 
 def anything_seen(raw: Raw) -> bool:
     """Whether any joint is there in any frame."""
-    return bool(np.isfinite(raw.joints).all(-1).any())
+    return any(np.isfinite(raw.joints[p]).all(-1).any() for p in blocks(len(raw.joints)))
 
 
 def _picked(joints: Array, picks: Picks) -> Array:
@@ -171,13 +182,19 @@ def _picked(joints: Array, picks: Picks) -> Array:
 
 def _check_numbers(raw: Raw) -> None:
     """Numbers that are no place in any unit, whose squares may be no numbers any more."""
-    infinite = np.isinf(raw.joints)
-    if infinite.any():
-        raise InputError(f"frame {np.argwhere(infinite)[0, 0]}: a joint is infinite", raw.path)
-    far = np.abs(np.nan_to_num(raw.joints, nan=0.0)) > 1e3 * FARTHEST
-    if far.any():
-        t, j, _ = np.argwhere(far.reshape(len(far), -1, 3))[0]
-        value = raw.joints.reshape(len(far), -1, 3)[t, j]
+    for part in blocks(len(raw.joints)):
+        infinite = np.isinf(raw.joints[part])
+        if infinite.any():
+            t = part.start + np.argwhere(infinite)[0, 0]
+            raise InputError(f"frame {t}: a joint is infinite", raw.path)
+    for part in blocks(len(raw.joints)):
+        some = raw.joints[part].reshape(part.stop - part.start, -1, 3)
+        far = np.abs(np.nan_to_num(some, nan=0.0)) > 1e3 * FARTHEST
+        if not far.any():
+            continue
+        t, j, _ = np.argwhere(far)[0]
+        value = some[t, j]
+        t += part.start
         raise InputError(
             f"frame {t}: joint {j} is at {', '.join(f'{x:.3g}' for x in value)},"
             " expected a place near a hand",
@@ -186,9 +203,11 @@ def _check_numbers(raw: Raw) -> None:
 
 
 def _check_reach(joints: Array, raw: Raw) -> None:
-    far = np.isfinite(joints) & (np.abs(joints) > FARTHEST)
-    if far.any():
-        frame, joint, axis = np.argwhere(far)[0]
+    for part in blocks(len(joints)):
+        far = np.isfinite(joints[part]) & (np.abs(joints[part]) > FARTHEST)
+        if not far.any():
+            continue
+        frame, joint, axis = np.argwhere(far)[0] + (part.start, 0, 0)
         raise InputError(
             f"frame {frame}: {JOINT_NAMES[joint]} is at {joints[frame, joint, axis]:.3g} m",
             raw.path,

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from handtrack.errors import InputError
+from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.skeleton import BASES, N_JOINTS
 from handtrack.sequences.readers.raw import Array
 
@@ -44,7 +45,7 @@ def chirality(joints: ArrayLike) -> float:
         points = points[None]
     if points.ndim != 3 or points.shape[1:] != (N_JOINTS, 3):
         raise InputError(f"joints have shape {points.shape}, expected (frames, 21, 3)")
-    votes = _votes(points)
+    votes = by_blocks(_votes, points)
     evidence = np.nansum(np.abs(votes), axis=1)
     total = evidence.sum()
     return float((evidence * _agreement(votes)).sum() / total) if total > 0 else 0.0

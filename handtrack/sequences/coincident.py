@@ -6,7 +6,9 @@ import math
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS
 from handtrack.sequences.readers.raw import Array
 from handtrack.sequences.size import palm_length
@@ -33,12 +35,19 @@ def without_coincident(joints: Array) -> tuple[Array, list[str]]:
     near = _NEAR * palm_length(joints)
     if not near > 0:
         near = 0.0
+
     # only frames in which two may be near, seen from three sides, are looked at closely
-    known = np.nan_to_num(joints, posinf=0.0, neginf=0.0)
-    frames = np.arange(len(joints))
-    for direction in _DIRECTIONS:
-        line = np.sort(known[frames] @ direction, axis=1)
-        frames = frames[(np.diff(line, axis=1) <= near).any(1)]
+    def may_be_near(part: Array) -> NDArray[np.bool_]:
+        known = np.nan_to_num(part, posinf=0.0, neginf=0.0)
+        left = np.arange(len(part))
+        for direction in _DIRECTIONS:
+            line = np.sort(known[left] @ direction, axis=1)
+            left = left[(np.diff(line, axis=1) <= near).any(1)]
+        found = np.zeros(len(part), np.bool_)
+        found[left] = True
+        return found
+
+    frames = np.flatnonzero(by_blocks(may_be_near, joints))
     x = joints[frames]
     same = np.zeros((len(x), N_JOINTS, N_JOINTS), dtype=bool)
     for a, b in combinations(range(N_JOINTS), 2):

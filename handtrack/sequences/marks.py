@@ -7,6 +7,7 @@ from collections.abc import Sequence as Items
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.files.long_arrays import by_blocks
 from handtrack.sequences.readers.raw import Array
 
 Mask = NDArray[np.bool_]
@@ -32,7 +33,7 @@ def marked(arrays: Items[Array]) -> tuple[list[Mask], str]:
     Returns:
         (T, N) of each array, and the marks that were found, for messages; "" if none.
     """
-    even = [(x[..., 0] == x[..., 1]) & (x[..., 1] == x[..., 2]) for x in arrays]
+    even = [by_blocks(_even, x) for x in arrays]
     nowhere = [e & np.isinf(x[..., 0]) for x, e in zip(arrays, even, strict=True)]
     masks = [m.copy() for m in nowhere]
     found = ["infinity"] if any(m.any() for m in masks) else []
@@ -45,6 +46,10 @@ def marked(arrays: Items[Array]) -> tuple[list[Mask], str]:
     if any(z.any() for z in zeros):
         found.insert(0, "0, 0, 0")
     return [m | z for m, z in zip(masks, zeros, strict=True)], " or ".join(found[:4])
+
+
+def _even(x: Array) -> Mask:
+    return np.asarray((x[..., 0] == x[..., 1]) & (x[..., 1] == x[..., 2]))
 
 
 def _values(arrays: Items[Array], even: Items[Mask]) -> list[float]:
@@ -84,7 +89,7 @@ def _radii(hand: Array, place: Array) -> float:
 
 def _zeros(joints: Array, missing: Mask) -> Mask:
     """(T, N) which joints at 0, 0, 0 are marks."""
-    at: Mask = (joints == 0).all(-1)
+    at: Mask = by_blocks(lambda part: (part == 0).all(-1), joints)
     if not at.any():
         return at
     there = np.isfinite(joints).all(-1) & ~missing

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from handtrack.errors import InputError
+from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.skeleton import BASES, PARENTS
 from handtrack.sequences.readers.raw import METRES, Array, Unit
 
@@ -39,12 +40,17 @@ def palm_length(joints: Array) -> float:
     with warnings.catch_warnings(), np.errstate(over="ignore", invalid="ignore"):
         # what is no place is refused later; means of nothing are NaN, as meant
         warnings.simplefilter("ignore", RuntimeWarning)
-        palms = np.linalg.norm(joints[:, BASES[1:]] - joints[:, :1], axis=-1)
-        palm = float(np.nanmedian(np.nanmean(palms, axis=1)))
+        palm = float(np.nanmedian(by_blocks(_palms, joints)))
         if np.isnan(palm):
             bones = np.linalg.norm(joints[:, 1:] - joints[:, PARENTS[1:]], axis=-1)
             palm = float(np.nanmedian(np.nanmedian(bones, axis=0) / _ADULT)) * 1e3 * _ADULT_PALM
     return palm
+
+
+def _palms(joints: Array) -> Array:
+    """(T,) mean distance from the wrist to the finger bases."""
+    lengths = np.linalg.norm(joints[:, BASES[1:]] - joints[:, :1], axis=-1)
+    return np.asarray(np.nanmean(lengths, axis=1))
 
 
 def check_sizes(hands: list[Array], units: list[Unit], path: Path) -> list[str | None]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError
+from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import BASES, BONES, N_JOINTS, ORDER_JOINTS, ORDERS, PALM
 
@@ -163,7 +164,8 @@ def folded_back(joints: Array, picks: Picks) -> list[int]:
     No joint of a finger bends by 135 degrees for long.
     """
     places = np.array(picks)
-    x = np.where((places < 0)[:, None], np.nan, joints[:, places])[:: max(1, len(joints) // _LOOK)]
+    some = joints[:: max(1, len(joints) // _LOOK)]
+    x = np.where((places < 0)[:, None], np.nan, some[:, places])
     x = np.where(np.abs(x) < _HUGE, x, np.nan)
     out = []
     for base in BASES:
@@ -218,14 +220,13 @@ def _lengths() -> _Lengths:
 def _log_distances(joints: Array) -> Array:
     """(F, N, N) logarithms of the distances in some frames; NaN where one is missing."""
     enough = min(_LEAST, joints.shape[1])
-    with np.errstate(invalid="ignore"):
-        there = np.abs(joints) < _HUGE
-    frames = np.flatnonzero(there.all(-1).sum(1) >= enough)
+    frames = np.flatnonzero(by_blocks(lambda x: _there(x).all(-1).sum(1), joints) >= enough)
     if not len(frames):
         return np.zeros((0, joints.shape[1], joints.shape[1]))
     if len(frames) > _LOOK:
         frames = frames[np.linspace(0, len(frames) - 1, _LOOK).astype(np.int64)]
-    x = np.where(there[frames], joints[frames], np.nan)
+    x = joints[frames]
+    x = np.where(_there(x), x, np.nan)
     apart = np.linalg.norm(x[:, :, None] - x[:, None], axis=-1)
     size = median(apart.reshape(len(x), -1), 1)[:, None, None]
     # joints at one place are no bone, but no reason to leave it out either
@@ -233,6 +234,11 @@ def _log_distances(joints: Array) -> Array:
     out = np.full(apart.shape, np.nan)
     np.log(apart, out=out, where=apart > 0)
     return out
+
+
+def _there(joints: Array) -> NDArray[np.bool_]:
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.abs(joints) < _HUGE)
 
 
 def _misfits(logs: Array, orders: NDArray[np.int64]) -> Array:

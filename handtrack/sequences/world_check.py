@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
+from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.skeleton import BONES
 from handtrack.sequences.readers.pictures import FIT_IN_2D
 from handtrack.sequences.readers.raw import Array
@@ -48,7 +49,8 @@ def world_doubts(joints: Array, path: Path) -> list[str]:
     Raises:
         InputError: all joints are in one plane in most frames, or the unit changes on the way.
     """
-    frames = np.flatnonzero(np.isfinite(joints).all(-1).sum(1) >= _LEAST)
+    seen = by_blocks(lambda x: np.isfinite(x).all(-1).sum(1), joints)
+    frames = np.flatnonzero(seen >= _LEAST)
     if not len(frames):
         return []
     frames = frames[np.linspace(0, len(frames) - 1, min(_LOOK, len(frames))).astype(np.int64)]

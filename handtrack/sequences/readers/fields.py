@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
+from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.skeleton import N_JOINTS, ORDER_JOINTS
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.joint_order import with_as_many
@@ -247,7 +248,7 @@ def as_frames(value: Any, path: Path, what: str = "joints") -> Array:
         )
     if not len(frames):
         raise InputError(f"{what} holds no frames", path)
-    return frames.astype(np.float64)
+    return by_blocks(lambda part: part.astype(np.float64), frames)
 
 
 def _nested(value: Any, path: Path, what: str) -> NDArray[Any]:

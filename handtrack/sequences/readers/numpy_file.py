@@ -31,7 +31,7 @@ def read_npy(data: bytes, path: Path) -> list[Raw]:
     )
 
 
-def read_npz(data: bytes, path: Path) -> list[Raw]:
+def read_npz(data: bytes | Path, path: Path) -> list[Raw]:
     """The sequences of a .npz file: one, or one of each hand where names begin with the hand.
 
     Raises:

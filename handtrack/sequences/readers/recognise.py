@@ -80,6 +80,10 @@ def read_file(
             return panoptic_tar.read_tar(path, frames)
         if head.startswith(GZIP_MAGIC):
             return _read_gzip(path, frames, kind)
+        if head.startswith(ZIP_MAGIC) and kind is None and path.is_file():
+            # its members are read one by one, not the file as a whole
+            budget.check(path.stat().st_size, path)
+            return freemocap.with_unit(numpy_file.read_npz(path, path), path)
         data = budget.rest(stream, path, head)
     return read_bytes(data, path, kind)
 
