@@ -3,7 +3,7 @@
 - Read: `load`, `repair_identity`, `load_cameras`; they give `Sequence` (with `Remark`), `Camera`.
 - Hands: `HandModel`, `Limits`, `MANO`, `load_hand`, `save_hand`, `to_mano`,
   `from_mano` (`ManoPose`, `AnglesOfMano`); of a subject: `calibrate` (`Calibration`),
-  `explain` (`Explained`, of `Residual`s).
+  `explain` (`Explained`, of `Residual`s and their `Split`).
 - Fit: `fit`, `fit_batch`, `fit_2d`, all giving `Fit`; settings `FitSettings`, `ImageSettings`.
 - Track: `track` gives `Track` (with `Event`, `Head`, `Skin`), in `Stretch`es as it goes; `Tracker`
   gives `TrackedFrame`s; settings
@@ -64,6 +64,7 @@ _WHERE = {
     "calibrate": "calibration.calibrate",
     "Explained": "calibration.explain",
     "Residual": "calibration.explain",
+    "Split": "calibration.split",
     "explain": "calibration.explain",
     "TrackedFrame": "tracking.frame",
     "Event": "tracking.track",
@@ -136,6 +137,7 @@ if TYPE_CHECKING:
     from handtrack.calibration.explain import Residual as Residual
     from handtrack.calibration.explain import explain as explain
     from handtrack.calibration.settings import CalibrationSettings as CalibrationSettings
+    from handtrack.calibration.split import Split as Split
     from handtrack.cameras.camera import Camera as Camera
     from handtrack.cameras.formats import load_cameras as load_cameras
     from handtrack.converting.convert import Converted as Converted

@@ -117,19 +117,18 @@ def test_a_mirrored_movement_is_the_other_hands_mirror_image():
     assert joints[1] == pytest.approx(joints[0] * [-1, 1, 1], abs=1e-12)
 
 
-def test_no_subject_is_in_both_splits():
-    tune, holdout = ({p.subject for p in build.plans(s)} for s in ("tune", "holdout"))
-    assert (len(build.plans("tune")), len(build.plans("holdout"))) == (30, 10)
-    assert not tune & holdout
-    shapes = np.array([subject(n).shape for n in sorted(tune | holdout)])
+def test_no_subject_is_in_two_splits():
+    splits = [{p.subject for p in build.plans(s)} for s in build.SPLITS]
+    assert [len(build.plans(s)) for s in build.SPLITS] == [30, 10, 10]
+    everyone = set.union(*splits)
+    assert len(everyone) == sum(map(len, splits))
+    shapes = np.array([subject(n).shape for n in sorted(everyone)])
     apart = np.abs(shapes[:, None] - shapes).max(-1) + np.eye(len(shapes))
     assert apart.min() > 0.05
-    assert (
-        {subject(n).hand for n in tune} == {"left", "right"} == {subject(n).hand for n in holdout}
-    )
+    assert all({subject(n).hand for n in split} == {"left", "right"} for split in splits)
 
 
-@pytest.mark.parametrize("split", ["tune", "holdout"])
+@pytest.mark.parametrize("split", build.SPLITS)
 def test_the_clips_that_ship(split):
     clips = layout.read_folder(DATA / split)
     assert [clip.name for clip in clips] == [plan.name for plan in build.plans(split)]
