@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import tarfile
 
 import numpy as np
 import pytest
@@ -215,3 +217,40 @@ def test_visionos_lines_come_into_the_world(tmp_path, left, right):
     path.write_text("\n".join(map(json.dumps, lines)))
     with pytest.raises(HandtrackError, match="line 6: rightHand: ringTip is no pose"):
         ht.load(path)
+
+
+@pytest.mark.parametrize("matrix", [False, True])
+def test_clips_are_read_by_the_profile_in_them(tmp_path, matrix):
+    angles = bends()
+    write_umetrack(tmp_path / "umetrack_hand_pose_trajectory.jsonl", angles)
+    write_profile(tmp_path / "umetrack_hand_user_profile.json")
+    expected = ht.load(tmp_path / "umetrack_hand_pose_trajectory.jsonl")
+    files = {"__hand_shapes.json__": {"mano": [0.0] * 10, "umetrack": profile()}}
+    for t, row in enumerate(angles):
+        place = [0.1, -0.2, 0.3 + 0.001 * t]
+        pose = {"joint_angles": row.tolist()}
+        if matrix:
+            pose["wrist_xform"] = [[*r, x] for r, x in zip(TURN.tolist(), place, strict=True)]
+            pose["wrist_xform"].append([0, 0, 0, 1])
+        else:
+            pose["T_world_from_wrist"] = {"quaternion_wxyz": QUATERNION, "translation_xyz": place}
+        hands = {side: {"umetrack_pose": pose} for side in ("left", "right")}
+        files[f"{t:06d}.hands.json"] = {} if t == 4 else hands
+        files[f"{t:06d}.info.json"] = {"ref_timestamp_ns": 56752108188860 + 33_333_333 * t}
+    path = tmp_path / "clips" / "clip-000001.tar"
+    path.parent.mkdir()
+    with tarfile.open(path, "w") as archive:
+        for name, value in {**files, "000000.image_214-1.jpg": 0}.items():
+            data = json.dumps(value).encode()
+            member = tarfile.TarInfo(name)
+            member.size = len(data)
+            archive.addfile(member, io.BytesIO(data))
+    found = ht.load(path)
+    seen = np.arange(len(angles)) != 4
+    for one, as_before in zip(found, expected, strict=True):
+        assert (one.hand, one.name) == (as_before.hand, f"clip-000001 {one.hand}")
+        np.testing.assert_allclose(one.joints[seen], as_before.joints[seen], atol=1e-9)
+        assert np.isnan(one.joints[4]).all()
+        assert np.array_equal(one.time_ns, as_before.time_ns)
+        assert one.frame_index.tolist() == list(range(len(angles)))
+    assert len(ht.load(path, frames=(2, 3))[0]) == 2

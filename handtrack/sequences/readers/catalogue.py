@@ -162,7 +162,7 @@ FORMATS: tuple[Format, ...] = (
     Format(
         "HOT3D",
         "`umetrack_hand_pose_trajectory.jsonl`, `mano_hand_pose_trajectory.jsonl`; frames that"
-        " `masks/` leave out are missing",
+        " `masks/` leave out are missing; HOT3D-Clips' .tar, with the profile in it",
         "umetrack; by your MANO",
         "m",
         "both",

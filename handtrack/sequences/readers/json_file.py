@@ -25,11 +25,12 @@ import msgspec
 import numpy as np
 
 from handtrack.errors import InputError
-from handtrack.sequences.readers import hot3d, keypoints_2d, ultraleap, visionpro
+from handtrack.sequences.readers import hot3d, keypoints_2d, text_table, ultraleap, visionpro
 from handtrack.sequences.readers.both_hands import of_sides, two_hands
 from handtrack.sequences.readers.fields import as_frames, from_fields
 from handtrack.sequences.readers.flat_json import with_depth
 from handtrack.sequences.readers.found import CONTAINERS, MOST_NAMES, hands_in
+from handtrack.sequences.readers.json_table import table_of
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.missing import blanks_as_null, is_blank
 from handtrack.sequences.readers.pictures import flat
@@ -78,6 +79,9 @@ def read_lines(data: bytes, path: Path) -> list[Raw]:
     if len(values) != len(lines):
         values = [decode(line, Any, path, first_line=n) for n, line in lines]
     places = Places("line", [n for n, _ in lines])
+    table = table_of(values)
+    if table is not None:
+        return text_table.read_table(table, path)
     return flat_too(lambda v: _of_source(v, places, path) or read_records(v, places, path), values)
 
 
@@ -144,6 +148,9 @@ def from_value(value: Any, path: Path) -> list[Raw]:
 
 
 def _from_value(value: Any, path: Path) -> list[Raw]:
+    table = table_of(value)
+    if table is not None:
+        return text_table.read_table(table, path)
     in_pictures = keypoints_2d.read_other(value, path)
     if in_pictures is not None:
         return in_pictures
@@ -231,7 +238,11 @@ def _numbered(value: dict[str, Any]) -> list[Any]:
     said = [_NUMBER.fullmatch(key) for key in value]
     if len(value) < 2 or not all(said) or len({m[1].lower() for m in said if m is not None}) > 1:
         return []
-    if not all(v in (None, []) or (isinstance(v, list) and are_points(v)) for v in value.values()):
-        return []
     numbers = {int(m[2]): v for m, v in zip(said, value.values(), strict=True) if m is not None}
-    return [{"frame": n, "joints": numbers[n] or None} for n in sorted(numbers)]
+    if all(v in (None, []) or (isinstance(v, list) and are_points(v)) for v in value.values()):
+        return [{"frame": n, "joints": numbers[n] or None} for n in sorted(numbers)]
+    if not all(v is None or isinstance(v, dict) for v in numbers.values()) or are_points(value):
+        return []
+    if not any(map(hands_in, numbers.values())):
+        return []
+    return [{"frame": n} | (numbers[n] or {}) for n in sorted(numbers)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -77,3 +78,26 @@ def _place(message: str, data: bytes, first_line: int) -> str:
     line = data[:byte].count(b"\n") + first_line
     reason = message[: found.start()].removeprefix("JSON is malformed: ")
     return f"wrong JSON: {reason} at byte {byte} (line {line})"
+
+
+def one_after_another(data: bytes) -> list[Any] | None:
+    """The objects of a text in which several stand one behind the other, over lines or not; None
+    where it is anything else."""
+    try:
+        text = as_utf8(data).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return None
+    decoder, at = json.JSONDecoder(), 0
+    values: list[Any] = []
+    try:
+        while at < len(text):
+            while at < len(text) and text[at].isspace():
+                at += 1
+            if at < len(text):
+                value, at = decoder.raw_decode(text, at)
+                if not isinstance(value, dict | list):
+                    return None
+                values.append(value)
+    except (ValueError, RecursionError):
+        return None
+    return values if len(values) > 1 else None

@@ -1,4 +1,4 @@
-"""Reader of archives of CMU Panoptic hands: .tar, .tar.gz, .tar.bz2, .tar.xz; see `panoptic`.
+"""Reader of archives of CMU Panoptic hands and of HOT3D-Clips: .tar, .tar.gz, .tar.bz2, .tar.xz.
 
 Nothing is unpacked to disk, and of an archive no more than the budget: what it would unpack to,
 its sparse members and its headers may be many times larger than it is.
@@ -18,6 +18,7 @@ from typing import IO, cast
 
 from handtrack.errors import InputError, shown
 from handtrack.files import budget
+from handtrack.sequences.readers import hot3d_clips
 from handtrack.sequences.readers.panoptic import (
     FILE_NAME,
     FRAME,
@@ -81,16 +82,19 @@ def read_tar(path: Path, frames: Frames = None) -> list[Raw]:
     """The sequences of a .tar, .tar.gz (.bz2, .xz).
 
     Raises:
-        NotJointsError: no Panoptic hand file in it.
+        NotJointsError: no Panoptic hand file and no clip of HOT3D in it.
         InputError: damaged or cut short, larger than the budget, no file in that range, or as
             `panoptic.read_file`.
     """
     groups: dict[Path, list[tuple[int, Path, bytes]]] = {}
     numbers: list[tuple[int, Path]] = []
+    clip: dict[str, bytes] = {}
     try:
         with _stream(path) as stream, tarfile.open(fileobj=stream, mode="r:") as archive:
             for member in _members(archive, path):
                 inside = Path(member.name)
+                if hot3d_clips.takes(inside.name) and member.isfile():
+                    clip[inside.name] = _content(archive, member, path)
                 match = FILE_NAME.fullmatch(inside.name)
                 if match is None or not member.isfile():
                     continue
@@ -105,8 +109,12 @@ def read_tar(path: Path, frames: Frames = None) -> list[Raw]:
     except _DAMAGED as error:
         detail = shown(" ".join(str(error).split()), 120) or type(error).__name__
         raise InputError(f"the archive is damaged or cut short ({detail})", path) from None
+    if not numbers and clip:
+        return hot3d_clips.read_clip(clip, path, frames)
     if not numbers:
-        raise NotJointsError("no handRecon3D_hd*.json in the archive", path)
+        raise NotJointsError(
+            "no handRecon3D_hd*.json in the archive, and no *.hands.json of HOT3D-Clips", path
+        )
     in_range(sorted(numbers), frames, path)
     raws: list[Raw] = []
     for inside in sorted(groups):

@@ -259,7 +259,7 @@ def axis_keys(value: dict[str, Any]) -> tuple[str, str, str] | None:
 
 def _is_point(value: dict[str, Any]) -> bool:
     if "x" in value and "y" in value and "z" in value:
-        return True
+        return not isinstance(value["x"], list)
     return not _HOLDERS.isdisjoint(value) or any(all(k in value for k in a) for a in AXES)
 
 

@@ -29,8 +29,8 @@ from handtrack.sequences.readers import (
 )
 from handtrack.sequences.readers.hdf5_file import HDF5_MAGIC, read_hdf5
 from handtrack.sequences.readers.interhand import is_interhand, read_interhand
-from handtrack.sequences.readers.json_file import is_lines, read_json, read_lines
-from handtrack.sequences.readers.jsontext import as_utf8, decode
+from handtrack.sequences.readers.json_file import from_value, is_lines, read_json, read_lines
+from handtrack.sequences.readers.jsontext import as_utf8, decode, one_after_another
 from handtrack.sequences.readers.landmark_lines import is_landmark_line, read_landmark_lines
 from handtrack.sequences.readers.parquet_file import PARQUET_MAGIC, read_parquet
 from handtrack.sequences.readers.raw import NotJointsError, Raw
@@ -145,7 +145,13 @@ def _read_json(data: bytes, path: Path) -> list[Raw]:
         return read_lines(data, path)
     if data.lstrip(_BLANK)[:1] != b"{":
         return read_json(data, path)
-    fields = decode(data, dict[str, msgspec.Raw], path)
+    try:
+        fields = decode(data, dict[str, msgspec.Raw], path)
+    except InputError:
+        several = one_after_another(data)
+        if several is None:
+            raise
+        return from_value(several, path)
     if "people" in fields:
         if b"keypoints_" in bytes(fields["people"]):
             return keypoints_2d.read_one(decode(data, dict[str, Any], path), path)

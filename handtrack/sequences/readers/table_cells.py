@@ -162,7 +162,7 @@ def read_cells(data: bytes, path: Path) -> Table:
     quoted = any('"' in line for line in lines)
     if not quoted:
         lines = guarded(lines)
-    if re.fullmatch(r"sep=[,;\t]", lines[0]):
+    if re.fullmatch(r"sep=[,;|\t]", lines[0]):
         separator: str | None = lines[0][-1]
         lines, places = lines[1:], places[1:]
     else:
@@ -209,10 +209,10 @@ def is_number(cell: str) -> bool:
 def _separator(lines: list[str]) -> str | None:
     """What separates cells; blanks where nothing else does."""
     few = [lines[0], lines[-1], *lines[1:4]]
-    for mark in (";", "\t", ","):
+    for mark in (";", "\t", ",", "|"):
         if all(mark in line for line in few):
             return mark
-    return next((mark for mark in (";", "\t", ",") if mark in lines[0]), None)
+    return next((mark for mark in (";", "\t", ",", "|") if mark in lines[0]), None)
 
 
 def _cells(line: str, separator: str | None) -> list[str]:

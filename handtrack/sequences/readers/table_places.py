@@ -132,7 +132,7 @@ def _alike(
     if template is None or len(set(widths.values())) > 1:
         return None
     width = next(iter(widths.values()))
-    marks = [mark for mark in (SEPARATOR, ";", "\t", ",") if mark in lines[0]]
+    marks = [mark for mark in (SEPARATOR, ";", "\t", ",", "|") if mark in lines[0]]
     mark = next((m for m in marks if len(lines[0].split(m)) == len(cells)), None)
     if mark is None:
         return None

@@ -13,6 +13,7 @@ joint order, 30 frames a second.
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -40,6 +41,9 @@ from handtrack.sequences.readers.table_rows import by_hand, label_column, stamps
 
 _MOST_COLUMNS = 5000
 _FEWEST_DOUBLED = 60
+_OF_HAND = re.compile(r"(?i)(?:h|hand)[_ .-]?([0-3])[_ .-]+(\D.*|\d+\D.*)")
+_FEWEST_OF_HAND = 36
+"""Titles that begin with a hand's number, h0_x0 or hand_1_wrist_x."""
 _MANUS = {"hand", "thumb_cmc", "thumb_dip", "index_cmc", "pinky_tip"}
 
 
@@ -63,7 +67,25 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
     long = long_columns(table, table.titles, path)
     if long is not None:
         return read_long(table.titles, long)
-    return _read_titled(table, table.titles, path)
+    numbers = {m[1] for t in table.titles if (m := _OF_HAND.fullmatch(t)) is not None}
+    if not numbers or sum(map(bool, map(_OF_HAND.fullmatch, table.titles))) < _FEWEST_OF_HAND:
+        return _read_titled(table, table.titles, path)
+    raws = []
+    for number in sorted(numbers):
+        own = [_of_hand(title, number) for title in table.titles]
+        for raw in _read_titled(replace(table, titles=own), own, path):
+            raws.append(raw)
+            if len(numbers) > 1:
+                raw.name, raw.by_number = f"{raw.name} hand {number}", raw.hand is None
+    return raws
+
+
+def _of_hand(title: str, number: str) -> str:
+    """A title without the hand's number, "" of another hand's."""
+    match = _OF_HAND.fullmatch(title)
+    if match is None:
+        return title
+    return match[2] if match[1] == number else ""
 
 
 def _read_titled(table: Table, titles: list[str], path: Path) -> list[Raw]:

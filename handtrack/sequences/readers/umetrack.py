@@ -91,12 +91,14 @@ class Angles:
     Attributes:
         values: (T, 20) [rad], NaN where the hand was not seen.
         rotation, translation: (T, 3, 3) and (T, 3) [m]: from the wrist's frame to the world.
+        profile: the hand's, where the source has it.
     """
 
     values: Array
     rotation: Array | None = None
     translation: Array | None = None
     takes: str = "profile"
+    profile: Profile | None = None
 
     def resolved(self, raw: Raw, companions: Companions) -> list[Raw]:
         """The hand with its joints.
@@ -104,14 +106,15 @@ class Angles:
         Raises:
             InputError: there is no profile, or it is none.
         """
-        path = companions.profile or beside(raw.path)
-        if path is None:
+        path = companions.profile or (None if self.profile else beside(raw.path))
+        profile = self.profile if path is None else load_profile(path)
+        if profile is None:
             raise InputError(
                 "holds UmeTrack's joint angles, from which a hand's profile makes joints: none of"
                 f" {', '.join(PROFILE_NAMES)} stands beside it (--profile FILE says where it is)",
                 raw.path,
             )
-        joints = load_profile(path).joints(np.nan_to_num(self.values))
+        joints = profile.joints(np.nan_to_num(self.values))
         if raw.hand == "right":
             joints = joints * np.array([-1.0, 1.0, 1.0])
         if self.rotation is not None and self.translation is not None:

@@ -1,0 +1,62 @@
+"""Tables as JSON, as pandas writes them: a list of rows with names, or names and rows apart."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import Any
+
+from handtrack.sequences.titles import column, is_frame_number, time_unit
+
+_FEWEST, _MOST = 12, 5000
+_PLAIN = {str, int, float, bool, type(None)}
+_AXES = {"x", "y", "z"}
+
+
+def table_of(value: Any) -> bytes | None:
+    """The same table as CSV; None where it is none of hands.
+
+    Rows are `{"frame": 0, "wrist_x": 0.1, ...}`, or one of each joint `{"frame": 0, "joint":
+    "wrist", "x": ...}`; names and rows apart are `{"columns": [...], "data": [[...], ...]}`.
+    """
+    if isinstance(value, dict):
+        titles, rows = value.get("columns"), value.get("data")
+        if not isinstance(titles, list) or not isinstance(rows, list) or len(titles) > _MOST:
+            return None
+        if not all(isinstance(row, list) and len(row) == len(titles) for row in rows):
+            return None
+        names = [" ".join(map(str, t)) if isinstance(t, list) else str(t) for t in titles]
+        return _written(names, rows) if _is_of_hands(names, len(rows)) else None
+    if not isinstance(value, list) or not value or not isinstance(value[0], dict):
+        return None
+    names = [str(name) for name in value[0]]
+    if not _is_of_hands(names, len(value)):
+        return None
+    rows = []
+    for row in value:
+        if not isinstance(row, dict) or not _PLAIN.issuperset(map(type, row.values())):
+            return None
+        if len(row) > _MOST:
+            return None
+        rows.append([row.get(name) for name in value[0]])
+    return _written(names, rows)
+
+
+def _is_of_hands(names: list[str], rows: int) -> bool:
+    """Whether rows of these names are frames, or joints of frames."""
+    if not 3 < len(names) <= _MOST:
+        return False
+    long = {n.lower() for n in names} >= _AXES
+    if long:
+        told = any(is_frame_number(n) or time_unit(n) is not None for n in names)
+        return told and rows >= _FEWEST
+    places = [said for n in names if (said := column(n)) is not None and said.axis is not None]
+    return len(places) >= _FEWEST
+
+
+def _written(names: list[str], rows: list[list[Any]]) -> bytes:
+    text = io.StringIO()
+    out = csv.writer(text, lineterminator="\n")
+    out.writerow(names)
+    out.writerows(rows)
+    return text.getvalue().encode("utf-8", "replace")
