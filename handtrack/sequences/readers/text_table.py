@@ -72,8 +72,8 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
         return _read_titled(table, table.titles, path)
     raws = []
     for number in sorted(numbers):
-        own = [_of_hand(title, number) for title in table.titles]
-        for raw in _read_titled(replace(table, titles=own), own, path):
+        titles = [_of_hand(title, number) for title in table.titles]
+        for raw in _read_titled(replace(table, titles=titles), titles, path):
             raws.append(raw)
             if len(numbers) > 1:
                 raw.name, raw.by_number = f"{raw.name} hand {number}", raw.hand is None
