@@ -30,6 +30,13 @@ def lacking(what: str, reason: str) -> None:
     pytest.skip(f"no {what}: {reason}")
 
 
+def keep(name: str, data: bytes) -> None:
+    """A picture NAME.png, kept where HANDTRACK_PICTURES says."""
+    if folder := os.environ.get("HANDTRACK_PICTURES"):
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        (Path(folder) / f"{name}.png").write_bytes(data)
+
+
 class Screen:
     """A viewer without a screen.
 
@@ -46,10 +53,9 @@ class Screen:
     def picture(self, name: str = "") -> np.ndarray:
         """(height, width, 3) of what the viewer shows; kept where HANDTRACK_PICTURES says."""
         image = pytest.importorskip("PIL.Image")
-        data = self.client.take_screenshot(max_size=960)
-        if name and (folder := os.environ.get("HANDTRACK_PICTURES")):
-            Path(folder).mkdir(parents=True, exist_ok=True)
-            (Path(folder) / f"{name}.png").write_bytes(data)
+        data = self.client.take_screenshot(max_size=1600 if name else 960)
+        if name:
+            keep(name, data)
         return np.asarray(image.open(io.BytesIO(data)).convert("RGB"), int)
 
     def until(self, there: Callable[[np.ndarray], bool], seconds: float = 30) -> np.ndarray:

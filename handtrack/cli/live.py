@@ -31,6 +31,7 @@ from handtrack.errors import HandtrackError, SettingsError
 if TYPE_CHECKING:
     from handtrack.hand.skeleton import Hand
     from handtrack.live.lines import BadLines, LiveFrame
+    from handtrack.live.live import ViewerSink
     from handtrack.live.publish import Publisher
     from handtrack.live.sources import Newest
     from handtrack.tracking.frame import TrackedFrame
@@ -117,7 +118,7 @@ def live(
     models = take_models(options, limits)
     from handtrack import Tracker
     from handtrack.live.lines import BadLines
-    from handtrack.live.live import LiveCount, RecorderSink, ViewerSink, run_live
+    from handtrack.live.live import CAMERA, LiveCount, RecorderSink, ViewerSink, run_live
     from handtrack.live.publish import publisher
     from handtrack.viewer.live_viewer import LiveViewer
 
@@ -126,16 +127,18 @@ def live(
     with ExitStack() as stack:
         with compiling_said(quiet or as_json):
             warm_up(settings)
+        pictures = [CAMERA] if camera is not None or video is not None else []
+        viewer = LiveViewer(connect, mesh=bool(recording.mesh.every), pictures=pictures)
+        shown = ViewerSink(viewer)
         queue, frames, source = _source(
-            camera, video, udp, (hand, unit, order, model), quiet, stack, bad
+            camera, video, udp, (hand, unit, order, model), quiet, stack, bad, shown
         )
         output.parent.mkdir(parents=True, exist_ok=True)
         sinks: list[Any] = [
             stack.enter_context(RecorderSink(output, source, recording, used_config()))
         ]
-        viewer = LiveViewer(connect, mesh=bool(recording.mesh.every))
         if not no_view and _shown(viewer, connect, quiet or as_json, stack):
-            sinks.append(ViewerSink(viewer))
+            sinks.append(shown)
         send = None
         if publish is not None:
             out = stack.enter_context(publisher(publish, binary))
@@ -203,6 +206,7 @@ def _source(
     quiet: bool,
     stack: ExitStack,
     bad: BadLines,
+    shown: ViewerSink,
 ) -> tuple[Newest[Any], Iterator[LiveFrame], str]:
     """Where frames wait, the hands in them, and what that is."""
     from handtrack.live import sources as live_frames
@@ -220,7 +224,7 @@ def _source(
         else:
             pictures = live_frames.camera(camera or 0)
         name = f"camera {camera}" if video is None else str(video)
-        return pictures, from_pictures(pictures, detector), name
+        return pictures, from_pictures(pictures, detector, shown.see), name
     from handtrack.sequences.assemble import check_settings
 
     given = check_settings(unit, order, None)

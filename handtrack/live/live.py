@@ -109,13 +109,25 @@ def _ms(seconds: list[float]) -> tuple[float, float]:
     return round(1e3 * float(median), 2), round(1e3 * float(p95), 2)
 
 
-def from_pictures(queue: Newest[Picture], detector: Detector) -> Iterator[LiveFrame]:
-    """The hands in pictures, as they come."""
+def from_pictures(
+    queue: Newest[Picture],
+    detector: Detector,
+    show: Callable[[Picture, dict[Hand, Array]], None] | None = None,
+) -> Iterator[LiveFrame]:
+    """The hands in pictures, as they come.
+
+    Args:
+        queue: where they wait.
+        detector: what finds hands in them.
+        show: is told each picture, and the joints (21, 2) of the hands in it [px].
+    """
     tracks = HandTracks()
     for picture in queue:
         came = time.monotonic()
         found = tracks.named(tracks.add(detector.detect(picture.rgb, picture.time_ns)))
         seen = {hand: d for hand, d in found.items() if d.world is not None}
+        if show is not None:
+            show(picture, {hand: d.image for hand, d in found.items()})
         yield LiveFrame(
             picture.time_ns,
             picture.index,
@@ -327,11 +339,28 @@ class RecorderSink:
                 self._recorder.stop()
 
 
+CAMERA = "camera"
+"""The name of a camera's pictures in the viewer."""
+
+
 class ViewerSink:
     """Into a `LiveViewer`."""
 
     def __init__(self, viewer: LiveViewer) -> None:
         self._viewer = viewer
+
+    def see(self, picture: Picture, joints: dict[Hand, Array]) -> None:
+        """What the camera sees."""
+        from handtrack.video.viewer_pictures import jpeg_of, scale_of
+
+        scale = scale_of(picture.rgb.shape[1])
+        self._viewer.picture(
+            CAMERA,
+            lambda: jpeg_of(picture.rgb),
+            picture.time_ns,
+            picture.index,
+            {hand: scale * image for hand, image in joints.items()},
+        )
 
     def take(self, frame: TrackedFrame, tracker: Tracker, index: int) -> None:
         self._viewer.step(frame, tracker)

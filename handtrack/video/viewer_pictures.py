@@ -24,10 +24,32 @@ WIDEST = 640
 _QUALITY = 80
 
 
+def scale_of(width: int) -> float:
+    """By how much a picture so wide [px] is made smaller."""
+    return min(1.0, WIDEST / width)
+
+
+def jpeg_of(rgb: NDArray[np.uint8]) -> bytes:
+    """A picture (height, width, 3) as a JPEG file, at most `WIDEST` wide.
+
+    Raises:
+        HandtrackError: it cannot be encoded.
+    """
+    cv2 = opencv()
+    height, width = rgb.shape[:2]
+    if (scale := scale_of(width)) < 1:
+        size = (round(scale * width), round(scale * height))
+        rgb = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
+    done, data = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    if not done:
+        raise HandtrackError(f"a picture of {width} x {height} cannot be encoded")
+    return bytes(data.tobytes())
+
+
 def picture_view(camera: Seen, tracks: list[Track]) -> PictureView:
     """A camera's pictures for the viewer, with the joints of the hands tracked in them."""
     found, source = camera.found, camera.source
-    scale = min(1.0, WIDEST / found.size[0])
+    scale = scale_of(found.size[0])
     joints = {}
     for track, topic in zip(tracks, hand_topics((t.name, t.hand) for t in tracks), strict=True):
         angles, rotation, translation, image = camera.place(track)
@@ -41,18 +63,9 @@ def picture_view(camera: Seen, tracks: list[Track]) -> PictureView:
     wanted = set(found.frame_index.tolist())
 
     def jpegs() -> Iterator[bytes]:
-        cv2 = opencv()
         for picture in pictures(source, found.fps):
             if picture.index in wanted:
-                rgb = picture.rgb
-                if scale < 1:
-                    size = (round(scale * rgb.shape[1]), round(scale * rgb.shape[0]))
-                    rgb = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
-                options = [cv2.IMWRITE_JPEG_QUALITY, _QUALITY]
-                done, data = cv2.imencode(".jpg", rgb[..., ::-1], options)
-                if not done:
-                    raise HandtrackError(f"{source}: picture {picture.index} cannot be encoded")
-                yield data.tobytes()
+                yield jpeg_of(picture.rgb)
 
     name = source.stem if camera.images is None else camera.camera.name
     return PictureView(name, found.time_ns, found.frame_index, jpegs, joints)

@@ -6,24 +6,28 @@ import math
 import re
 import subprocess
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handtrack.errors import HandtrackError, SettingsError
 from handtrack.mcap.hand import Head
 from handtrack.recording.parts import rows
 from handtrack.tracking.track import Part
+from handtrack.viewer import style
 from handtrack.viewer.blueprint import Placed, blueprint, placed
 from handtrack.viewer.eye import Seen, eye
 from handtrack.viewer.hand_log import HandLog
 from handtrack.viewer.key import log_key
 from handtrack.viewer.look import Look
+from handtrack.viewer.picture_log import PictureView, log_pictures
 from handtrack.viewer.process import answers, free_port, grpc_address, viewer, wait_for
 from handtrack.viewer.rerun_log import APPLICATION, logs_of
-from handtrack.viewer.shown import Shown, origin_ns
+from handtrack.viewer.sending import indexes
+from handtrack.viewer.shown import Shown, origin_ns, zero_of
 from handtrack.viewer.streams import forget_recordings, send_blueprint
 
 if TYPE_CHECKING:
@@ -119,6 +123,9 @@ class LiveViewer:
         self._hands: dict[str, HandLog] = {}
         self._shown: list[Shown] = []
         self._last: dict[str, Part] = {}
+        self._origin: int | None = None
+        self._began = False
+        self._pictured = -math.inf
         self._waiting: dict[str, list[tuple[TrackedFrame, Tracker, int]]] = {}
         self._counts: dict[str, int] = {}
         self._sent = -math.inf
@@ -174,6 +181,37 @@ class LiveViewer:
         self._waiting.clear()
         self._sent = time.monotonic()
 
+    def picture(
+        self,
+        name: str,
+        jpeg: Callable[[], bytes],
+        time_ns: int,
+        index: int,
+        joints: Mapping[str, NDArray[np.float64]],
+    ) -> None:
+        """Show what a camera sees; at most 15 a second are asked for and sent.
+
+        Args:
+            name: of the camera: one of those given at the beginning.
+            jpeg: gives the picture as a JPEG file, when it is wanted.
+            time_ns, index: its time, on the hands' clock, and its number.
+            joints: of each hand that was seen in it, (21, 2) [px].
+        """
+        now = time.monotonic()
+        if self._recording is None or not self.open or now - self._pictured < 2 * TICK_S:
+            return
+        self._pictured = now
+        self._start(time_ns)
+        times = np.array([index], np.int64), np.array([time_ns], np.int64)
+        seen = {hand: {style.OBSERVED: points[None]} for hand, points in joints.items()}
+        view = PictureView(name, times[1], times[0], lambda: iter([jpeg()]), seen)
+        log_pictures(self._recording, [view], lambda f, t: indexes(f, t, self._origin))
+
+    def _start(self, time_ns: int) -> None:
+        """All is on the clock of what came first."""
+        if not self._began:
+            self._origin, self._began = zero_of([time_ns]), True
+
     def add(self, part: Part, name: str) -> None:
         """Show the next frames of the hand that is called so, in order of time."""
         if self._recording is None or not len(part) or not self.open:
@@ -181,8 +219,7 @@ class LiveViewer:
         if name not in self._hands:
             shown = Shown(part, name, number=len(self._shown))
             self._shown.append(shown)
-            # all hands on the clock of the first
-            self._origin = origin_ns([self._shown[0].track])
+            self._start(int(part.time_ns[0]))
             at = self._placed(part)
             arranged = blueprint(
                 self._shown, self._look, follow=True, at=at, pictures=self._pictures

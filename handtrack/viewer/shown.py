@@ -93,7 +93,11 @@ def later(track: Track, by_ns: int) -> Track:
 
 def origin_ns(tracks: Sequence[Part]) -> int | None:
     """What is zero on the viewer's clock: the first frame; None where stamps are Unix time."""
-    starts = [int(t.time_ns[0]) for t in tracks if len(t)]
+    return zero_of([int(t.time_ns[0]) for t in tracks if len(t)])
+
+
+def zero_of(starts: Sequence[int]) -> int | None:
+    """What is zero on the clock of what starts at these times [ns]; None for Unix time."""
     if starts and all(_UNIX_NS[0] <= start < _UNIX_NS[1] for start in starts):
         return None
     return min(starts, default=0)

@@ -95,6 +95,45 @@ def test_track_live_shows_and_records(
     assert "--connect belongs to --live" in capsys.readouterr().err
 
 
+def test_the_sample_fills_the_picture_dark_and_light(
+    screen: Screen, sample: ht.Sequence, tmp_path: Path
+) -> None:
+    track = ht.track(sample.frames(0, 59), filter="kalman")
+    recording = write_mcap(track, tmp_path / "sample.mcap", mesh=False)
+    for name, light in (("viewer-dark", False), ("viewer-light", True)):
+        replay(recording, connect=screen.address, light=light)
+
+        def there(picture: np.ndarray, light: bool = light) -> bool:
+            ground = picture[picture.shape[0] // 6, picture.shape[1] // 20]
+            return bool((ground.min() > 200) == light and tinted(picture, SKIN).mean() > 0.025)
+
+        # the skin's own view is half of the left half, and the fist is smaller than the open hand
+        picture = screen.until(there)
+        screen.picture(name)
+        assert there(picture), name
+
+
+def test_the_camera_is_seen_beside_the_hand(screen: Screen, sample: ht.Sequence) -> None:
+    cv2 = pytest.importorskip("cv2", reason="the extra video is not installed")
+    blue = np.full((480, 640, 3), (200, 60, 20), np.uint8)  # BGR
+    jpeg = cv2.imencode(".jpg", blue)[1].tobytes()
+    tracker = ht.Tracker(ht.HandModel.default("right"))
+    points = np.stack([np.linspace(100, 500, 21), np.full(21, 240.0)], 1)
+
+    def there(picture: np.ndarray) -> bool:
+        half = picture[:, : picture.shape[1] // 2]
+        off = np.abs(half - np.array([20, 60, 200])).max(-1)
+        return bool((off < 25).mean() > 0.05)
+
+    with LiveViewer(screen.address, pictures=["camera"]) as viewer:
+        for i, joints in enumerate(sample.joints[:5]):
+            viewer.picture("camera", lambda: jpeg, int(sample.time_ns[i]), i, {"right": points})
+            viewer.step(tracker.step(joints, int(sample.time_ns[i])), tracker)
+        viewer.flush()
+        assert there(screen.until(there))
+    screen.picture("live-camera")
+
+
 def test_two_runs_side_by_side_have_their_colours(screen: Screen, tmp_path: Path) -> None:
     track = make_track(10, lost=slice(0))
     files = [write_mcap(track, tmp_path / f"{name}.mcap", mesh=False) for name in "ab"]
@@ -108,4 +147,23 @@ def test_two_runs_side_by_side_have_their_colours(screen: Screen, tmp_path: Path
     # the second run is to the right of the first
     columns = [np.flatnonzero(tinted(picture, tint).any(0)).mean() for tint in (SKIN, RUN)]
     assert columns[0] + 30 < columns[1]
+    screen.picture("offset")
+
+
+def test_two_runs_have_views_of_their_own(screen: Screen, tmp_path: Path) -> None:
+    track = make_track(60, lost=slice(0))
+    files = [write_mcap(track, tmp_path / f"{name}.mcap", mesh=False) for name in "ab"]
+    replay(files, connect=screen.address)
+
+    def there(picture: np.ndarray) -> bool:
+        wide = picture.shape[1] // 4
+        return all(
+            tinted(np.tile(part, (1, 2, 1)), tint).mean() > 0.03
+            for part, tint in (
+                (picture[:, : wide * 9 // 10], SKIN),
+                (picture[:, wide * 9 // 10 : wide * 18 // 10], RUN),
+            )
+        )
+
+    assert there(screen.until(there))
     screen.picture("compared")
