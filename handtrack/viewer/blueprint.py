@@ -94,7 +94,7 @@ def blueprint(
         shares.append(8.0)
     left.append(key_view("dots", dots(hands, look.light), look.light))
     plots = [_compared(hand, first, look) for hand in hands if (first := counterpart(hand, hands))]
-    plots += [_plots(hand.topic, look) for hand in hands]
+    plots += [_plots(hand, look) for hand in hands]
     below = status_views()
     right = [
         key_view("lines", lines(hands, look.light), look.light),
@@ -182,11 +182,23 @@ def _grid(view: Eye, light: bool) -> rrb.LineGrid3D:
     )
 
 
-def _plots(topic: str, look: Look) -> rrb.Vertical:
+def _plots(hand: Shown, look: Look) -> rrb.Vertical:
     """The angles of a hand and its events, and its errors."""
+    topic = hand.topic
     views = [_plot(f"{f} [deg]", "angles", [f"/angles/{topic}/{f}/**"], look) for f in FINGERS]
-    errors = _plot("errors [mm]", f"errors/{topic}", None, look, key=True)
+    errors = _plot(_errors_name(hand), f"errors/{topic}", None, look, key=True)
     return _arranged([*views, _log([topic])], errors, topic)
+
+
+def _errors_name(hand: Shown) -> str:
+    """What was seen in pictures has its error there: beside its plot, whose observed joints are
+    only what was made of the pictures."""
+    cameras = hand.track.settings.get("cameras")
+    pixels = cameras.get("reprojection_px") if isinstance(cameras, dict) else None
+    if not isinstance(pixels, dict) or not isinstance(pixels.get("mean"), int | float):
+        return "errors [mm]"
+    mean, p95 = (float(pixels.get(name, np.nan)) for name in ("mean", "p95"))
+    return f"errors [mm]; in the pictures: mean {mean:.1f} px, p95 {p95:.1f} px"
 
 
 def _compared(hand: Shown, first: Shown, look: Look) -> rrb.Vertical:

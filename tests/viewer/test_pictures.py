@@ -140,14 +140,14 @@ def test_two_runs_side_by_side_have_their_colours(screen: Screen, tmp_path: Path
     replay(files, connect=screen.address, offset_m=0.22)
 
     def there(picture: np.ndarray) -> bool:
-        return all(tinted(picture, tint).mean() > 0.01 for tint in (SKIN, RUN))
+        return all(tinted(picture, tint).mean() > 0.006 for tint in (SKIN, RUN))
 
     picture = screen.until(there)
+    screen.picture("offset")
     assert there(picture)
     # the second run is to the right of the first
     columns = [np.flatnonzero(tinted(picture, tint).any(0)).mean() for tint in (SKIN, RUN)]
     assert columns[0] + 30 < columns[1]
-    screen.picture("offset")
 
 
 def test_two_runs_have_views_of_their_own(screen: Screen, tmp_path: Path) -> None:

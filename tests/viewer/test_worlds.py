@@ -102,3 +102,19 @@ def test_the_key_names_what_is_shown(track: Track) -> None:
     # its colours are those of what it names
     skeletons = {name: colour for name, colour, _ in style.skeletons(0).values()}
     assert [skeletons[e.label] for e in dots([hand])[:2]] == [e.colour for e in dots([hand])[:2]]
+
+
+def test_the_error_in_pictures_is_told_in_pixels(track: Track) -> None:
+    pixels = {"views": 2, "reprojection_px": {"mean": 3.21, "p95": 7.5}}
+    seen = dataclasses.replace(track, settings=dict(track.settings) | {"cameras": pixels})
+    names = []
+    for each in (track, seen):
+        arranged, found = blueprint(shown([Run("", [each])])), []
+        look = [arranged.root_container]
+        while look:
+            at = look.pop(0)
+            found.append(str(at.name))
+            look += getattr(at, "contents", []) if hasattr(at, "row_shares") else []
+            look += at.contents if type(at).__name__ in ("Horizontal", "Grid") else []
+        names.append({name for name in found if name.startswith("errors")})
+    assert names == [{"errors [mm]"}, {"errors [mm]; in the pictures: mean 3.2 px, p95 7.5 px"}]
