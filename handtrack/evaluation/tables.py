@@ -37,9 +37,16 @@ def row_named(row: Stability, name: str) -> Stability:
 
 
 def to_csv(report: Report) -> str:
-    """One line per sequence (and method), and per pool of them; empty = not known."""
+    """One line per sequence (and method), and per pool of them, which `scope` tells apart:
+    "sequence", "all sequences", "common frames"; empty = not known."""
+    own = report.sequences if isinstance(report, StabilityReport) else ()
+    singles = {id(row) for row in own}
+    if isinstance(report, Comparison):
+        singles = {id(row) for part in report.methods.values() for row in part.sequences}
+    pooled = "common frames" if isinstance(report, Comparison) else "all sequences"
     flat = [
-        {"method": method} | _flat(row.to_dict() | {"notes": "; ".join(row.notes)})
+        {"method": method, "scope": "sequence" if id(row) in singles else pooled}
+        | _flat(row.to_dict() | {"notes": "; ".join(row.notes)})
         for method, row in labelled_rows(report)
     ]
     columns = list(dict.fromkeys(key for row in flat for key in row))

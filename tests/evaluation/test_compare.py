@@ -153,6 +153,7 @@ def pair():
 def test_csv_holds_what_json_holds(pair):
     rows = list(csv.DictReader(io.StringIO(to_csv(pair))))
     assert [r["method"] for r in rows] == ["my_method", "theirs"] * 2
+    assert [r["scope"] for r in rows] == ["sequence"] * 2 + ["common frames"] * 2
     assert [r["name"] for r in rows] == ["50%_of & more"] * 2 + ["common frames"] * 2
     content = json.loads(to_json(pair))
     common = content["common"]["theirs"]
