@@ -51,10 +51,10 @@ from handtrack.kernels.workspace import (
 # joints nearer than this to one line leave the rotation about it open [m]
 LINE = 1e-4
 
-# a finger's other bend is tried in a cold start where alone it adds no more than this share
+# a finger's other bend is tried in a cold start where alone it adds no more than this share, and
+# must gain this share to be taken: next to nothing; after a fitted frame, which is under noise the
+# better guess, the second
 MISBENT = 0.02
-# and must gain this share to be taken; next to nothing then, but after a fitted frame that one
-# is, under noise, the better guess
 COLD_GAIN, WARM_GAIN = 1e-9, 0.1
 
 
@@ -62,10 +62,8 @@ class Solvers(NamedTuple):
     """Addresses of what fits a frame. Compiled code is given plain tuples: those it takes faster.
 
     Attributes:
-        descend: Algorithm 1.
-        newton: the Newton steps; 0: Algorithm 1 alone.
-        bends: the fingers' other bends; 0: none are tried.
-        apart: `move_apart`; 0: nothing is.
+        descend, newton: Algorithm 1, the Newton steps; 0: Algorithm 1 alone.
+        bends: the fingers' other bends; apart: `move_apart`; 0: none of it.
         covariance: of the pose, or its variances.
     """
 
@@ -80,13 +78,11 @@ class FitNumbers(NamedTuple):
     """How frames are fitted.
 
     Attributes:
-        cold_sweeps, max_sweeps: sweeps of a cold start, and at most.
-        max_steps: Newton steps at most.
+        cold_sweeps, max_sweeps, max_steps: sweeps of a cold start; sweeps and steps at most.
         tolerance: relative gain at which a solve ends.
-        loss, spread: the robust loss, its spread [m].
-        noise: variance of the joints [m^2], or 0 for what the residual shows.
-        min_joints: a frame with fewer is not fitted; with at least one joint every frame is
-            fitted that has one, else also none with its joints on a line.
+        loss, spread, noise: the robust loss, its spread [m]; variance of the joints [m^2], or 0
+            for what the residual shows.
+        min_joints: a frame with fewer is not fitted; if it is more than 1, none on a line either.
         alone: 1 where every frame starts anew from the mean.
     """
 

@@ -101,6 +101,16 @@ def npy_header(data: bytes, rng: random.Random) -> bytes:
     return data[:6] + version + struct.pack("<H", len(raw)) + raw + body
 
 
+def _shuffled(parts: list[Any], rng: random.Random) -> tuple[int, int]:
+    """A part is taken out (0), or there twice (1), or is left to the caller: 2 to 5; its place."""
+    at, what = rng.randrange(len(parts)), rng.randrange(6)
+    if what == 0:
+        del parts[at]
+    elif what == 1:
+        parts.insert(at, parts[at])
+    return what, at
+
+
 def in_zip(data: bytes, rng: random.Random) -> bytes:
     """A member is spoilt inside, with a sum that is right; or the list of them is."""
     try:
@@ -118,20 +128,12 @@ def in_zip(data: bytes, rng: random.Random) -> bytes:
         return of_bytes(data, rng)
     if not members:
         return of_bytes(data, rng)
-    at = rng.randrange(len(members))
-    name, content = members[at]
-    what = rng.randrange(6)
-    if what == 0:
-        del members[at]
-    elif what == 1:
-        members.insert(at, (name, content))
-    elif what == 2:
-        members[at] = (
-            rng.choice(("x.npy", "joints.npy", "../x", "", "hand.npy", "fps.npy")),
-            content,
-        )
-    else:
-        members[at] = (name, mutated(content, rng))
+    what, at = _shuffled(members, rng)
+    if what == 2:
+        named = rng.choice(("x.npy", "joints.npy", "../x", "", "hand.npy", "fps.npy"))
+        members[at] = (named, members[at][1])
+    elif what > 2:
+        members[at] = (members[at][0], mutated(members[at][1], rng))
     out = io.BytesIO()
     method = rng.choice((zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_LZMA))
     if sum(len(content) for _, content in members) > _SLOW:
@@ -175,25 +177,21 @@ def in_tar(data: bytes, rng: random.Random) -> bytes:
         return of_bytes(data, rng)
     if not members:
         return of_bytes(data, rng)
-    at = rng.randrange(len(members))
-    member, content = members[at]
-    what = rng.randrange(6)
-    if what == 0:
-        del members[at]
-    elif what == 1:
-        members.insert(at, (member, content))
-    elif what == 2:
+    what, at = _shuffled(members, rng)
+    if what == 2:
+        member, _ = members[at]
         member.type = rng.choice(
             (b"1", b"2", b"3", b"5", b"6", b"7", b"S", b"x", b"g", b"L", b"\0")
         )
     elif what == 3:
+        member, _ = members[at]
         member.name = rng.choice(
             ("../" + member.name, "x" * 300, "", "\udcff", member.name[:-1], "/etc/passwd")
         )
         member.linkname = rng.choice(("", member.name, "/dev/zero"))
-    else:
-        content = mutated(content, rng)
-        members[at] = (member, content)
+    elif what > 3:
+        member, content = members[at]
+        members[at] = (member, mutated(content, rng))
     out = io.BytesIO()
     with tarfile.open(
         fileobj=out, mode="w", format=rng.choice((tarfile.PAX_FORMAT, tarfile.GNU_FORMAT))
@@ -226,20 +224,15 @@ def in_pickle(data: bytes, rng: random.Random) -> bytes:
     ):
         return of_bytes(data, rng)
     codes = [data[a:b] for a, b in zip(starts, [*starts[1:], len(data)], strict=True)]
-    at = rng.randrange(len(codes))
-    what = rng.randrange(6)
-    if what == 0:
-        del codes[at]
-    elif what == 1:
-        codes.insert(at, codes[at])
-    elif what == 2:
+    what, at = _shuffled(codes, rng)
+    if what == 2:
         other = rng.randrange(len(codes))
         codes[at], codes[other] = codes[other], codes[at]
     elif what == 3:
         codes[at] = of_bytes(codes[at], rng)
     elif what == 4:
         codes[at : at + 1] = [rng.choice(codes) for _ in range(rng.randrange(5))]
-    else:
+    elif what > 4:
         codes.insert(
             at,
             rng.choice(
@@ -287,20 +280,13 @@ def in_mcap(data: bytes, rng: random.Random) -> bytes:
     records = _records(data[8:-8])
     if not records:
         return of_bytes(data, rng)
-    at = rng.randrange(len(records))
-    code, content = records[at]
-    what = rng.randrange(6)
-    if what == 0:
-        del records[at]
-    elif what == 1:
-        records.insert(at, records[at])
-    elif what == 2:
+    what, at = _shuffled(records, rng)
+    if what == 2:
         other = rng.randrange(len(records))
         records[at], records[other] = records[other], records[at]
-    elif code == 6:
-        records[at] = (code, _chunk(content, rng))
-    else:
-        records[at] = (code, of_bytes(content, rng))
+    elif what > 2:
+        code, content = records[at]
+        records[at] = (code, _chunk(content, rng) if code == 6 else of_bytes(content, rng))
     return data[:8] + b"".join(map(_record, records)) + data[-8:]
 
 

@@ -23,6 +23,7 @@ from handtrack.hand.skeleton import N_JOINTS, ORDER_JOINTS
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.joint_order import with_as_many
 from handtrack.sequences.names import UNUSED, as_side, joint_name, settle, words
+from handtrack.sequences.readers.nested import nested_array, nested_numbers, numbers
 from handtrack.sequences.readers.raw import (
     METRES,
     Array,
@@ -163,7 +164,7 @@ def _with_columns(fields: Mapping[str, Any], path: Path) -> Mapping[str, Any]:
     columns = joint_columns(inside)
     if not columns:
         return fields
-    arrays = {name: _nested_numbers(inside[name], path, name) for name in columns}
+    arrays = {name: nested_numbers(inside[name], path, name) for name in columns}
     n = len(next(iter(arrays.values())))
     joints = np.full((n, N_JOINTS, 3), np.nan)
     for name, joint in columns.items():
@@ -219,7 +220,7 @@ def as_frames(value: Any, path: Path, what: str = "joints") -> Array:
     Raises:
         InputError: not numbers, or not of a shape that makes frames of 21 (25, 26) joints.
     """
-    array = value if isinstance(value, np.ndarray) else _nested(value, path, what)
+    array = value if isinstance(value, np.ndarray) else nested_array(value, path, what)
     if array.dtype.kind not in "fiu":
         raise InputError(f"{what} holds {array.dtype}, expected numbers", path)
     if array.ndim == 4 and array.shape[0] == 1:
@@ -251,90 +252,6 @@ def as_frames(value: Any, path: Path, what: str = "joints") -> Array:
     return by_blocks(lambda part: part.astype(np.float64), frames)
 
 
-def _nested(value: Any, path: Path, what: str) -> NDArray[Any]:
-    """Nested lists as an array; an error names the element that does not fit."""
-    if not isinstance(value, list):
-        raise InputError(f"{what} is {_kind(value)}, expected a list", path)
-    try:  # the usual case: lists of numbers, all at once
-        if isinstance(value[:1][0] if value else None, list | int | float):
-            return np.array(value, dtype=np.float64)
-    except (ValueError, TypeError, OverflowError):
-        pass
-    items = [_place(v) if v else v for v in value]
-    like = next(
-        (v for v in items if isinstance(v, list) and any(isinstance(p, list | dict) for p in v)),
-        None,
-    )
-    like = like or next((v for v in items if isinstance(v, list)), None)
-    if like is not None:
-        # null for a whole frame, for all its joints, or for a joint of a single frame
-        gone = [v is None or (isinstance(v, list) and all(p is None for p in v)) for v in items]
-        items = [_blank(like) if no else v for no, v in zip(gone, items, strict=True)]
-    for i, item in enumerate(items):
-        if isinstance(item, list) and any(isinstance(v, list | dict) for v in item):
-            items[i] = [[None] * 3 if v in (None, []) else _place(v) for v in item]
-    try:
-        return np.array(items, dtype=np.float64)
-    except (ValueError, TypeError, OverflowError):
-        raise InputError(_misfit(items, what), path) from None
-
-
-def _place(value: Any) -> Any:
-    """{x, y, z} as a list."""
-    if isinstance(value, dict) and {"x", "y", "z"} <= value.keys():
-        return [value["x"], value["y"], value["z"]]
-    return value
-
-
-def _blank(like: list[Any]) -> list[Any]:
-    one = [None] * 3 if any(isinstance(v, list | dict) for v in like) else None
-    return [one] * len(like)
-
-
-def _misfit(items: list[Any], what: str) -> str:
-    """What is wrong with lists that make no array of numbers."""
-    first: tuple[int, ...] | None = None
-    for i, item in enumerate(items):
-        try:
-            shape = np.array(item, dtype=np.float64).shape
-        except (ValueError, TypeError, OverflowError):
-            if isinstance(item, list):
-                return _misfit(item, f"{what}[{i}]")
-            return f"{what}[{i}] is {_kind(item)}, expected a number"
-        if first is not None and shape != first:
-            return f"{what}[{i}] has shape {shape}, {what}[0] has {first}"
-        first = shape
-    return f"{what} is not an array of numbers"
-
-
-def _kind(value: object) -> str:
-    names = {dict: "an object", list: "a list", str: "text", bool: "true or false"}
-    return "null" if value is None else names.get(type(value), "a number")
-
-
-def numbers(value: Any, path: Path, what: str, shape: tuple[int, ...]) -> Array:
-    """Numbers of exactly that shape.
-
-    Raises:
-        InputError: not numbers, or another shape.
-    """
-    try:
-        array = np.array(value)
-    except ValueError:
-        raise InputError(f"{what} is ragged, expected shape {shape}", path) from None
-    if array.dtype == object:  # null among numbers
-        try:
-            array = array.astype(np.float64)
-        except (ValueError, TypeError, OverflowError):
-            raise InputError(f"{what} holds something that is not a number", path) from None
-    if array.dtype.kind not in "fiu":
-        raise InputError(f"{what} is not a number", path)
-    if array.shape != shape:
-        expected = f"shape {shape}" if shape else "one number"
-        raise InputError(f"{what} has shape {array.shape}, expected {expected}", path)
-    return array.astype(np.float64)
-
-
 def frame_numbers(value: Any, n: int, path: Path, what: str) -> NDArray[np.int64]:
     """(n,) whole frame numbers.
 
@@ -348,7 +265,7 @@ def frame_numbers(value: Any, n: int, path: Path, what: str) -> NDArray[np.int64
 
 
 def _confidence(value: Any, joints: Array, path: Path) -> Array:
-    given = _nested_numbers(value, path, "confidence")
+    given = nested_numbers(value, path, "confidence")
     if given.dtype.kind == "b":  # seen or not
         given = given.astype(np.float64)
     n, per_frame = joints.shape[:2]
@@ -356,11 +273,3 @@ def _confidence(value: Any, joints: Array, path: Path) -> Array:
         given = np.broadcast_to(given, (1, per_frame))
     shape = (n, per_frame) if given.ndim == 2 else (n,)
     return numbers(given, path, "confidence", shape)
-
-
-def _nested_numbers(value: Any, path: Path, what: str) -> NDArray[Any]:
-    if isinstance(value, np.ndarray):
-        return value
-    if not isinstance(value, list):
-        return numbers(value, path, what, ())
-    return _nested(value, path, what)
