@@ -48,7 +48,7 @@ def without_coincident(joints: Array) -> tuple[Array, list[str]]:
         return found
 
     frames = np.flatnonzero(by_blocks(may_be_near, joints))
-    x = joints[frames]
+    x = by_blocks(lambda some: joints[some], frames)
     same = np.zeros((len(x), N_JOINTS, N_JOINTS), dtype=bool)
     for a, b in combinations(range(N_JOINTS), 2):
         apart = np.linalg.norm(x[:, a] - x[:, b], axis=-1)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from handtrack.errors import InputError, SettingsError
+from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS, ORDER_JOINTS, ORDERS
 from handtrack.sequences.readers.raw import Array, Raw
 from handtrack.sequences.skeleton_check import (
@@ -170,12 +171,12 @@ def _doubts(raw: Raw, reading: Reading, order: str | None) -> list[str]:
         InputError: nobody stated it and another is clearly right, or it is no hand's.
     """
     joints = raw.joints
-    frames = int((np.isfinite(joints).all(-1).sum(1) >= 12).sum())
+    frames = int((by_blocks(lambda x: np.isfinite(x).all(-1).sum(1), joints) >= 12).sum())
     own = misfit(joints, reading.picks)
     if not np.isfinite(own):
         return []
     if order != AXIS_MAJOR:
-        turned = misfit(ordered_by_axis(joints), reading.picks)
+        turned = misfit(by_blocks(ordered_by_axis, joints), reading.picks)
         if clearly_better(turned, own, 1):
             raise InputError(
                 "the numbers of a frame seem to be all x, then all y, then all z: pass --order"

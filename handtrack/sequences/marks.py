@@ -7,7 +7,7 @@ from collections.abc import Sequence as Items
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.files.long_arrays import by_blocks
+from handtrack.files.long_arrays import blocks, by_blocks
 from handtrack.sequences.readers.raw import Array
 
 Mask = NDArray[np.bool_]
@@ -34,7 +34,10 @@ def marked(arrays: Items[Array]) -> tuple[list[Mask], str]:
         (T, N) of each array, and the marks that were found, for messages; "" if none.
     """
     even = [by_blocks(_even, x) for x in arrays]
-    nowhere = [e & np.isinf(x[..., 0]) for x, e in zip(arrays, even, strict=True)]
+    nowhere = [
+        by_blocks(lambda x, e: e & np.isinf(x[..., 0]), x, e)
+        for x, e in zip(arrays, even, strict=True)
+    ]
     masks = [m.copy() for m in nowhere]
     found = ["infinity"] if any(m.any() for m in masks) else []
     for value in _values(arrays, even):
@@ -54,7 +57,11 @@ def _even(x: Array) -> Mask:
 
 def _values(arrays: Items[Array], even: Items[Mask]) -> list[float]:
     """The values but 0 that are in all three coordinates of a joint, the most frequent ones."""
-    found = [x[..., 0][e & np.isfinite(x[..., 0])] for x, e in zip(arrays, even, strict=True)]
+    found = [
+        x[part, :, 0][e[part] & np.isfinite(x[part, :, 0])]
+        for x, e in zip(arrays, even, strict=True)
+        for part in blocks(len(x))
+    ]
     values, counts = np.unique(np.concatenate([*found, np.zeros(0)]), return_counts=True)
     often = values[np.argsort(-counts, kind="stable")][:_VALUES]
     return [float(v) for v in often if v != 0]
