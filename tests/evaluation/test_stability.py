@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -384,11 +383,3 @@ def test_missing_frames_of_an_estimate_are_lost(sample):
     joints[70, 2:] = np.nan
     row = stability_of_pair(replace(estimate, joints=joints, confidence=None), truth)
     assert (row.fitted, row.lost, row.compared) == (280, 20, 279)
-
-
-def test_100_000_frames_take_seconds(sample):
-    truth = np.tile(sample["truth_m"].astype(float), (334, 1, 1))[:100_000]
-    track = make_track(truth + 0.001, truth + 0.002, truth)
-    start = time.process_time()
-    stability(track)
-    assert time.process_time() - start < 6.0
