@@ -4,30 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numba import njit
+from plain import plain
 
 from handtrack.kernels import linear_algebra
 from handtrack.kernels.linear_algebra import N
 
+ldl4, solve_one, invert = (
+    plain(getattr(linear_algebra, name)) for name in ("ldl4", "solve_one", "invert")
+)
 
-@njit
-def ldl4(a, least):
-    return linear_algebra.ldl4(a, least)
 
-
-@njit
 def factor(a, u):
-    return linear_algebra.factor(a, u), linear_algebra.is_lifted(a, u)
-
-
-@njit
-def solve_one(u, x):
-    linear_algebra.solve_one(u, x)
-
-
-@njit
-def invert(u, work, out):
-    linear_algebra.invert(u, work, out)
+    return plain(linear_algebra.factor)(a, u), plain(linear_algebra.is_lifted)(a, u)
 
 
 def upper(a: np.ndarray) -> tuple:

@@ -5,35 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from kernel_cases import rows, vector
-from numba import njit
+from plain import plain
 from scipy.spatial.transform import Rotation
 
 from handtrack.kernels import vectors
 
+log_turn, quaternion, cos_sin, reduced = (
+    plain(getattr(vectors, name)) for name in ("log_turn", "quaternion", "cos_sin", "reduced")
+)
 
-@njit
+
 def turned(w, v):
-    return vectors.turned(vectors.turn_of(w), v)
-
-
-@njit
-def log_turn(a, b):
-    return vectors.log_turn(a, b)
-
-
-@njit
-def quaternion(m):
-    return vectors.quaternion(m)
-
-
-@njit
-def cos_sin(x):
-    return vectors.cos_sin(x)
-
-
-@njit
-def reduced(x):
-    return vectors.reduced(x)
+    return plain(vectors.turned)(plain(vectors.turn_of)(w), v)
 
 
 ANGLES = (0.0, 1e-12, 1e-7, 1e-3, 0.5, 2.0, 3.1, np.pi - 1e-4, np.pi - 1e-9)
