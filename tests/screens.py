@@ -19,9 +19,6 @@ from handtrack.viewer.process import free_port, grpc_address, viewer, wait_for
 MUST_RUN = "HANDTRACK_MUST_RUN"
 """Names what is installed: a test that lacks one of these fails instead of being skipped."""
 
-SIZE = "1280x720"
-"""Of the window: without a graphics card a picture takes twice as long at four times the size."""
-
 
 def lacking(what: str, reason: str) -> None:
     """Skip the test; where the environment says that this is installed, fail."""
@@ -86,7 +83,6 @@ def started(said: Path) -> Iterator[Screen]:
         said.open("wb") as errors,
         viewer(
             *("--headless", "--hide-welcome-screen", "--port", str(port)),
-            *("--window-size", SIZE),
             errors=errors,
         ) as process,
     ):
