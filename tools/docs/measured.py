@@ -17,7 +17,8 @@ def tables() -> dict[str, str]:
         "methods": methods(),
         "accuracy_tune": accuracy("accuracy_tune"),
         "accuracy_holdout": accuracy("accuracy_holdout"),
-        "lasting_noise": lasting_noise(),
+        "lasting_noise": as_kept("lasting_noise"),
+        "uncertainty": as_kept("uncertainty"),
         **performance(),
     }
 
@@ -87,9 +88,9 @@ def _ratio(found: dict[str, float]) -> str:
     return f"{found['value']:.3f} [{found['low']:.3f}, {found['high']:.3f}]"
 
 
-def lasting_noise() -> str:
-    """Rendered clips by what the filter takes the noise for, as the study's run gave them."""
-    found = numbers("lasting_noise")
+def as_kept(name: str) -> str:
+    """A table of a study's run, as its numbers are kept."""
+    found = numbers(name)
     return table(found["head"], found["rows"])
 
 
