@@ -13,7 +13,7 @@ import numpy as np
 from handtrack.batching.settings import BatchSettings
 from handtrack.batching.store import Store, StoreError
 from handtrack.calibration.calibrate import calibrate
-from handtrack.calibration.explain import explain
+from handtrack.calibration.explain import Explained, explain
 from handtrack.detectors.chosen import seen_by
 from handtrack.errors import InputError
 from handtrack.files.scratch import scratch
@@ -24,9 +24,13 @@ from handtrack.sequences.sequence import Sequence
 
 EXPLAINED = 100
 """Frames of a clip by which a pooled hand is judged."""
-# a clip's own lengths are asked for where the pooled hand leaves so much more than any hand must,
-# in absolute terms [m] and as a ratio, and taken where they leave so much less of the rest
-_APART_M, _APART, _WORTH = 5e-4, 1.25, 0.8
+# a clip's own hand is asked for where the pooled one leaves so much more than any hand must [m],
+# and as a ratio
+_APART_M, _APART = 5e-5, 1.25
+_FREE, _LASTS = 37, 10
+"""Coordinates of a frame that a pose leaves, and frames for which an error lasts."""
+_FREEDOMS = {"lengths": 20, "full": 60}
+_SOURCE = {"lengths": "pooled, lengths own", "full": "pooled, own from there"}
 
 
 class Pooled(NamedTuple):
@@ -47,7 +51,7 @@ class Chosen(NamedTuple):
     Attributes:
         model: it.
         how: how `track` is still to calibrate it.
-        source: "pooled", "pooled, lengths own", "own" or "given".
+        source: "pooled", "pooled, lengths own", "pooled, own from there", "own" or "given".
         told: what the track's settings are to say of it.
         drift_mm: greatest change of a bone's length against the pooled hand.
     """
@@ -65,7 +69,8 @@ def hand_for(
     """The hand to track a sequence with.
 
     Where the clip's bones clearly have other lengths than the pooled hand, these drift to the
-    clip's; axes stay the subject's.
+    clip's; where that leaves too much as well, axes do, with the pooled hand as the prior. Each
+    step must be worth its freedoms by the Bayesian information criterion (Schwarz 1978).
 
     Raises:
         InputError: the sequence shows too little.
@@ -82,16 +87,30 @@ def hand_for(
         found = explain(hand, sequence, EXPLAINED)
     except InputError:  # too few joints to judge by, which is no reason not to track
         return Chosen(hand, "none", "pooled", {})
-    drift, source = 0.0, "pooled"
-    beyond = found.fitted.mean - found.bound.mean
-    if beyond > _APART_M and found.fitted.mean > _APART * found.bound.mean:
-        own = calibrate(hand, sequence, "lengths", frames=settings.tracking.calibration.frames)
+    pooled_lengths, source = _lengths(hand), "pooled"
+    spent = 0
+    for method, freedoms in _FREEDOMS.items():
+        excess = found.fitted.mean - found.bound.mean
+        if excess < _APART_M or found.fitted.mean < _APART * found.bound.mean:
+            break
+        frames = settings.tracking.calibration.frames
+        try:
+            own = calibrate(hand, sequence, method, frames=frames)
+        except InputError:  # too short for axes, which then stay the subject's
+            break
         better = explain(own.model, sequence, EXPLAINED)
-        if better.fitted.mean - found.bound.mean < _WORTH * beyond:
-            drift = 1e3 * float(np.abs(_lengths(own.model) - _lengths(hand)).max())
-            hand, found, source = own.model, better, "pooled, lengths own"
+        if _worth(found, better, freedoms - spent):
+            hand, found, source, spent = own.model, better, _SOURCE[method], freedoms
+    drift = 1e3 * float(np.abs(_lengths(hand) - pooled_lengths).max())
     about = {"method": source, "hand": pooled.name, **found.summary()}
     return Chosen(hand, "none", source, {"calibration": about}, drift)
+
+
+def _worth(before: Explained, after: Explained, freedoms: int) -> bool:
+    """Whether a hand of more freedoms is the likelier one, by the information criterion."""
+    values = _FREE * max(1.0, before.frames / _LASTS)
+    gain = values * np.log(max(before.fitted.rms, 1e-9) / max(after.fitted.rms, 1e-9))
+    return bool(2.0 * gain > freedoms * np.log(values))
 
 
 def _lengths(hand: HandModel) -> Any:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from pyarrow import parquet
 
 import handtrack as ht
 from handtrack.batching.data_set import report
+from handtrack.batching.hands import Pooled, file_digest, hand_for
 from handtrack.batching.page import TITLES, shown
 from handtrack.batching.settings import BatchSettings
 from handtrack.batching.two_runs import compare_runs
@@ -67,7 +69,11 @@ def leap(folder: Path) -> None:
             "own": ht.calibrate(model, sequence).model,
             "others'": ht.calibrate(model, mine).model,
         }
-        hands["others', lengths own"] = ht.calibrate(hands["others'"], sequence, "lengths").model
+        with tempfile.TemporaryDirectory() as place:
+            data = ht.save_hand(hands["others'"], Path(place) / "hand.json").read_bytes()
+            pooled: dict[str, Pooled] = {sequence.hand: Pooled("hand.json", file_digest(data))}
+            chosen = hand_for(sequence, BatchSettings(), pooled, place)
+        hands[f"batch ({chosen.source})"] = chosen.model
         for name, hand in hands.items():
             track = ht.track(sequence, hand, calibrate="none")
             found = explain(hand, sequence)
