@@ -24,9 +24,9 @@ Array = NDArray[np.float64]
 FRAMES = 200
 """Of a longer clip so many frames are looked at, evenly spread."""
 
-# what a hand leaves is doubtful from so much beyond the bound, absolutely and relatively; noisy
-# detections with exchanged labels reach 1.4
-_DOUBT_MM, _DOUBT = 0.5, 1.5
+# what a hand leaves is doubtful from so much beyond the bound, absolutely and relatively: a
+# detector's landmarks, rightly read, reach 1.8 times, exchanged or mirrored ones mostly 2.2 to 10
+_DOUBT_MM, _DOUBT = 0.5, 2.0
 
 # noise of the joints [m]: the unit of the weak priors that keep what nothing observes
 _NOISE = 1e-3

@@ -47,6 +47,7 @@ def worth_of(
         fades = noise.fades_s
         total = constant + fading + white
     stretches = min(max(span_s / (2.0 * fades), 1.0), n, MOST_STRETCHES) if fades > 0 else n
-    if not total > 0:
+    together = constant + fading / stretches + white / n
+    if not together > 0:
         return 1.0
-    return float(min(total / n / (constant + fading / stretches + white / n), 1.0))
+    return float(min(total / n / together, 1.0))

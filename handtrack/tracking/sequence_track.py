@@ -194,7 +194,7 @@ def _blocks(tracker: Tracker, sequence: Sequence) -> Iterator[Block]:
         part = slice(t, t + _CHUNK)
         # copies: the sequence's own arrays are not to be written to
         joints, w = np.array(sequence.joints[part]), np.array(sequence.confidence[part])
-        yield from tracker.advance(np.array(sequence.time_ns[part]), joints, w)
-    for block in tracker.rest():
+        yield from tracker._advance(np.array(sequence.time_ns[part]), joints, w)
+    for block in tracker._rest():
         for t in range(0, len(block), _CHUNK):
             yield block.part(slice(t, t + _CHUNK))

@@ -120,14 +120,14 @@ class Tracker:
             where the filter waits.
         """
         observed, w = solver.observations(joints, confidence)
-        blocks = self.advance(np.array((int(time_ns),), np.int64), observed, w)
+        blocks = self._advance(np.array((int(time_ns),), np.int64), observed, w)
         return [frame for block in blocks for frame in block.frames()]
 
     def finish(self) -> list[TrackedFrame]:
         """The frames that the filter has not given yet; it is as new then."""
-        return [frame for block in self.rest() for frame in block.frames()]
+        return [frame for block in self._rest() for frame in block.frames()]
 
-    def advance(self, times_ns: NDArray[np.int64], observed: Array, w: Array) -> list[Block]:
+    def _advance(self, times_ns: NDArray[np.int64], observed: Array, w: Array) -> list[Block]:
         """As `push`, of the next frames.
 
         Args:
@@ -144,8 +144,8 @@ class Tracker:
             pauses = np.flatnonzero(np.diff(times_ns) > self._coast_ns)
             if pauses.size:
                 t = int(pauses[0]) + 1
-                before = self.advance(times_ns[:t], observed[:t], w[:t])
-                return before + self.advance(times_ns[t:], observed[t:], w[t:])
+                before = self._advance(times_ns[:t], observed[:t], w[:t])
+                return before + self._advance(times_ns[t:], observed[t:], w[t:])
         if self._time_ns is not None and times_ns[0] - self._time_ns > self._coast_ns:
             # as after frames that were lost: the last pose is one start of two
             solver.forget(self._keep)
@@ -173,7 +173,7 @@ class Tracker:
         self._waiting.push(fitted)
         return [self._given(*steadied)] if len(steadied[0]) else []
 
-    def rest(self) -> Iterator[Block]:
+    def _rest(self) -> Iterator[Block]:
         """As `finish`, some frames at a time."""
         if self._filter is None:
             return

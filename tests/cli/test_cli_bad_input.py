@@ -66,7 +66,10 @@ BAD = {
     "cut archive": (["track", "cut.tar.gz"], "cut.tar.gz: the archive is damaged or cut short"),
     "cut .mcap": (["track", "cut.mcap"], "cut.mcap: the MCAP file is damaged or cut short"),
     "20 joints": (["track", "shape.npz"], "confidence has shape (40, 21), expected shape (40, 20)"),
-    "2 coordinates": (["track", "flat.npz"], "flat.npz: joints_m has shape (40, 21, 2), expected"),
+    "2 coordinates": (
+        ["track", "flat.npz"],
+        "flat.npz: only x and y of each joint: positions in a picture",
+    ),
     "60 numbers": (
         ["track", "frames"],
         "frames/handRecon3D_hd00020706.json: person 0: right_hand.landmarks has 60 numbers,"

@@ -73,7 +73,7 @@ def test_track_json(call, made):
     status, out, err = call("track", made.short, "-o", "a.mcap", "--rrd", "a.rrd", "--json")
     assert (status, err) == (0, "")
     result = json.loads(out)
-    told = {"outputs", "frames_per_second", "warnings", "skipped", "not_measured"}
+    told = {"outputs", "frames_per_second", "seconds", "warnings", "skipped", "not_measured"}
     assert set(result) == {"sequences", "overall", *told}
     assert result["outputs"] == ["a.mcap", "a.rrd"]
     assert result["frames_per_second"] > 0

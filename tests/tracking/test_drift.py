@@ -195,9 +195,9 @@ def detected() -> Case:
     return next(case for case in cases(read(clip)) if case.input == TRIANGULATED)
 
 
-@pytest.mark.parametrize(("name", "calmer"), [("kalman", 0.98), ("fixed-lag", 1.1), ("rts", 0.8)])
+@pytest.mark.parametrize(("name", "calmer"), [("kalman", 1.1), ("fixed-lag", 1.1), ("rts", 0.8)])
 def test_a_real_detectors_noise_lasts(name, calmer, detected):
-    """The motion is nearer to the true one (of all clips; of one that waits little it may not be),
+    """The motion is nearer to the true one (of all clips; without waiting, of one it may not be),
     and the joints are no farther off.
     """
     plain = ht.track(detected.sequence)
