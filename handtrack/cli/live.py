@@ -31,8 +31,8 @@ from handtrack.errors import HandtrackError, SettingsError
 if TYPE_CHECKING:
     from handtrack.hand.skeleton import Hand
     from handtrack.live.lines import BadLines, LiveFrame
-    from handtrack.live.live import ViewerSink
     from handtrack.live.publish import Publisher
+    from handtrack.live.sinks import ViewerSink
     from handtrack.live.sources import Newest
     from handtrack.tracking.frame import TrackedFrame
     from handtrack.tracking.settings import TrackSettings
@@ -118,8 +118,9 @@ def live(
     models = take_models(options, limits)
     from handtrack import Tracker
     from handtrack.live.lines import BadLines
-    from handtrack.live.live import CAMERA, LiveCount, RecorderSink, ViewerSink, run_live
+    from handtrack.live.live import LiveCount, run_live
     from handtrack.live.publish import publisher
+    from handtrack.live.sinks import CAMERA, RecorderSink, ViewerSink
     from handtrack.viewer.live_viewer import LiveViewer
 
     silent = quiet or as_json

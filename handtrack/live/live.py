@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,37 +17,21 @@ from handtrack.calibration.online import OnlineCalibration
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import BONES, HANDS, N_JOINTS, Hand
 from handtrack.live.lines import LiveFrame
+from handtrack.live.sinks import Sink
 from handtrack.live.sources import Newest
-from handtrack.mcap.hand import Event, Head
-from handtrack.recording.recorder import McapRecorder
-from handtrack.recording.settings import RecordingSettings
-from handtrack.tracking.events import frame_events
-from handtrack.tracking.frame import TrackedFrame, stretch_of_frames
+from handtrack.mcap.hand import Event
+from handtrack.tracking.frame import TrackedFrame
 from handtrack.tracking.tracker import Tracker
 from handtrack.video.detector import Detector
 from handtrack.video.hand_tracks import HandTracks
 from handtrack.video.media import Picture
-from handtrack.viewer.live_viewer import LiveViewer
 
 Array = NDArray[np.float64]
 
-NAME, CALIBRATED = "live", "live calibrated"
 CALIBRATION_S = 4.0
 """So much of a hand is seen before it is calibrated [s]."""
-RECORD_NS = 300_000_000
-"""So much time waits to be written together [ns]."""
 MIN_BONES = 5
 """A hand's size is not taken from fewer bones."""
-
-
-class Sink(Protocol):
-    """Where tracked frames go: a recording, a viewer."""
-
-    def take(self, frame: TrackedFrame, tracker: Tracker, index: int) -> None:
-        """The next frame of the tracker's hand."""
-
-    def say(self, hand: Hand, event: Event) -> None:
-        """Something happened to a hand."""
 
 
 @dataclass
@@ -260,109 +243,3 @@ def size_of(joints: Array, hand: Hand) -> float | None:
     if seen.sum() < MIN_BONES:
         return None
     return float(np.median(lengths[seen] / HandModel.default(hand).bone_lengths[seen]))
-
-
-class RecorderSink:
-    """Into an MCAP recording, a fraction of a second at a time; a context manager.
-
-    Both hands have their places in it from the beginning, before and after they are calibrated,
-    as a hand in a recording does not change; one that never comes takes none.
-    """
-
-    def __init__(
-        self,
-        path: Path,
-        source: str,
-        recording: RecordingSettings,
-        config: Mapping[str, Any] | None = None,
-    ) -> None:
-        """Args:
-        path, recording: as of `McapRecorder`.
-        source: what is tracked.
-        config: the file of options that was used, to be told among the settings.
-        """
-        self._source, self._config = source, config or {}
-        self._waiting: dict[Hand, list[tuple[TrackedFrame, int]]] = {}
-        self._trackers: dict[Hand, Tracker] = {}
-        self._before: dict[Hand, TrackedFrame] = {}
-        self._events: dict[Hand, list[Event]] = {}
-        self._names = dict.fromkeys(HANDS, NAME)
-        hands = [(name, hand) for name in (NAME, CALIBRATED) for hand in HANDS]
-        self._recorder = McapRecorder(path, hands=hands, recording=recording)
-
-    def take(self, frame: TrackedFrame, tracker: Tracker, index: int) -> None:
-        hand = tracker.model.hand
-        waiting = self._waiting.setdefault(hand, [])
-        if self._trackers.get(hand, tracker) is not tracker:
-            # what was said is about the new hand
-            said = self._events.pop(hand, [])
-            if waiting:
-                self._write(hand)
-            self._events[hand] = said
-            self._names[hand] = CALIBRATED
-            waiting = self._waiting[hand] = []
-        waiting.append((frame, index))
-        self._trackers[hand] = tracker
-        if frame.time_ns - waiting[0][0].time_ns >= RECORD_NS:
-            self._write(hand)
-
-    def say(self, hand: Hand, event: Event) -> None:
-        self._events.setdefault(hand, []).append(event)
-
-    def _write(self, hand: Hand) -> None:
-        frames = [frame for frame, _ in self._waiting[hand]]
-        tracker = self._trackers[hand]
-        model = tracker.model
-        settings = {**tracker.settings, "limits": model.limits.name, "model": model.name}
-        if self._config:
-            settings["config"] = dict(self._config)
-        part = stretch_of_frames(
-            frames,
-            Head.of(model, self._names[hand], settings, source=self._source),
-            [index for _, index in self._waiting[hand]],
-            events=[*self._events.pop(hand, []), *frame_events(frames, self._before.get(hand))],
-        )
-        self._before[hand] = frames[-1]
-        self._waiting[hand] = []
-        later = len(HANDS) * (self._names[hand] == CALIBRATED)
-        self._recorder.add(part, HANDS.index(hand) + later)
-
-    def __enter__(self) -> RecorderSink:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *rest: Any) -> None:
-        with self._recorder:
-            for hand, waiting in self._waiting.items():
-                if waiting and not self._recorder.closed:
-                    self._write(hand)
-            if kind is not None:
-                self._recorder.stop()
-
-
-CAMERA = "camera"
-"""The name of a camera's pictures in the viewer."""
-
-
-class ViewerSink:
-    """Into a `LiveViewer`."""
-
-    def __init__(self, viewer: LiveViewer) -> None:
-        self._viewer = viewer
-
-    def see(self, picture: Picture, joints: dict[Hand, Array]) -> None:
-        """What the camera sees."""
-        from handtrack.video.viewer_pictures import jpeg_of, scale_of
-
-        scale = scale_of(picture.rgb.shape[1])
-        self._viewer.picture(
-            CAMERA,
-            lambda: jpeg_of(picture.rgb),
-            picture.time_ns,
-            picture.index,
-            {hand: scale * image for hand, image in joints.items()},
-        )
-
-    def take(self, frame: TrackedFrame, tracker: Tracker, index: int) -> None:
-        self._viewer.step(frame, tracker)
-
-    def say(self, hand: Hand, event: Event) -> None: ...

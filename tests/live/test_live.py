@@ -17,7 +17,8 @@ from handtrack.cli import run
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import JOINT_NAMES
 from handtrack.live.lines import LiveFrame, from_lines
-from handtrack.live.live import RecorderSink, run_live, size_of
+from handtrack.live.live import run_live, size_of
+from handtrack.live.sinks import RecorderSink
 from handtrack.live.sources import Newest
 from handtrack.recording.settings import RecordingSettings
 from handtrack.tracking.tracker import Tracker
