@@ -23,7 +23,7 @@ def test_shakes_in_blocks_are_those_of_the_whole(sample: ht.Sequence):
     assert len(joints) > long_arrays.ROWS
     found = shake.shake_values(joints, time_ns)
     gaps = gaps_between(time_ns, len(joints))
-    whole = shake._values(joints, time_ns, gaps, shake.palm_shape(joints))
+    whole = shake._values(joints, time_ns, gaps, *shake.palm_motion(joints))
     for name, values in whole.items():
         np.testing.assert_allclose(found[name], values, rtol=1e-7, atol=1e-9, err_msg=name)
     assert np.isfinite(found["palm_mm"]).mean() > 0.5
