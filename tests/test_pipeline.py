@@ -141,17 +141,6 @@ def test_two_hands_in_one_recording(sample, tmp_path):
     assert {"/world/left/skin", "/world/right/skin"} <= entities(tmp_path / "two.rrd")
 
 
-def test_a_thousand_frames_a_second(sample):
-    """Far below what it does: tracking with a quick calibration, without writing."""
-    ht.track(sample, calibrate="proportions")
-    best = np.inf
-    for _ in range(5):
-        start = time.perf_counter()
-        ht.track(sample, calibrate="proportions")
-        best = min(best, time.perf_counter() - start)
-    assert len(sample) / best > 1000
-
-
 @pytest.mark.parametrize("name", REAL)
 def test_real_input(name, shared_data, tmp_path):
     number, frames, most_mm = REAL[name]

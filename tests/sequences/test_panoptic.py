@@ -3,7 +3,6 @@
 import json
 import shutil
 import tarfile
-import time
 
 import numpy as np
 import pytest
@@ -122,9 +121,7 @@ def test_frame_range_opens_only_those_files(tmp_path, right):
         (folder / name(number)).touch()  # empty: an error if it were read
     for number in range(20_701, 20_801):
         (folder / name(number)).write_text(good)
-    start = time.perf_counter()
     (sequence,) = ht.load(folder, frames=(20_701, 20_800))
-    assert time.perf_counter() - start < 2
     assert sequence.frame_index[[0, -1]].tolist() == [20_701, 20_800]
     with pytest.raises(ht.InputError, match="no frame in 1:5, there are 18000:27999"):
         ht.load(folder, frames=(1, 5))
