@@ -16,7 +16,7 @@ from handtrack.evaluation.arrays import (
     points,
     sequence_of_points,
 )
-from handtrack.files.long_arrays import blocks, by_blocks
+from handtrack.files.long_arrays import Growing, blocks, by_blocks
 from handtrack.hand.capsules import FINGER_RADII, contact_depths
 from handtrack.hand.limits import Limits
 from handtrack.hand.skeleton import BONES, N_ANGLES, N_JOINTS
@@ -83,21 +83,26 @@ def limit_violations(
     angles = np.asarray(angles, dtype=np.float64)
     if angles.ndim != 2 or angles.shape[1] != N_ANGLES:
         raise InputError(f"angles have shape {angles.shape}, expected (frames, 20)")
-    present = ~np.isnan(angles).any(1)
-    degrees = np.full(angles.shape, np.nan)
+    whole = Growing((N_ANGLES,))
+    n, total, greatest, any_over = 0, 0.0, 0.0, 0
+    over = np.zeros(N_ANGLES, np.int64)
     for part in blocks(len(angles)):
-        kept = present[part]
-        degrees[part][kept] = np.rad2deg(limits.violation(angles[part][kept]))
-    seen = degrees[present]
-    over = seen > tolerance_deg
-    n = max(1, len(seen))
-    empty = not len(seen)
+        some = angles[part]
+        present = ~np.isnan(some).any(1)
+        degrees = np.full(some.shape, np.nan)
+        degrees[present] = seen = np.rad2deg(limits.violation(some[present]))
+        n, total = n + len(seen), total + float(seen.sum())
+        greatest = max(greatest, float(seen.max(initial=0.0)))
+        any_over += int((seen > tolerance_deg).any(1).sum())
+        over += (seen > tolerance_deg).sum(0)
+        whole.append(degrees)
+    nan = float("nan")
     return LimitViolations(
-        share=float("nan") if empty else float(over.any(1).mean()),
-        share_per_angle=np.full(N_ANGLES, np.nan) if empty else over.sum(0) / n,
-        mean_deg=float("nan") if empty else float(seen.mean()),
-        max_deg=float("nan") if empty else float(seen.max()),
-        degrees=degrees,
+        share=any_over / n if n else nan,
+        share_per_angle=over / n if n else np.full(N_ANGLES, nan),
+        mean_deg=total / (n * N_ANGLES) if n else nan,
+        max_deg=greatest if n else nan,
+        degrees=whole.whole(),
     )
 
 
