@@ -147,6 +147,17 @@ class Sequence:
                 f" {self.frame_index[0]}:{self.frame_index[-1]}",
                 self.source or None,
             )
+        return self._of(keep)
+
+    def between(self, start_s: float | None = None, end_s: float | None = None) -> Sequence:
+        """The part from one time to another, both included [s from the first frame].
+
+        Raises:
+            InputError: no frame lies there.
+        """
+        return self._of(frames_between(self.time_ns, start_s, end_s))
+
+    def _of(self, keep: NDArray[np.bool_]) -> Sequence:
         return replace(
             self,
             time_ns=self.time_ns[keep],
@@ -155,6 +166,32 @@ class Sequence:
             frame_index=self.frame_index[keep],
             truth=None if self.truth is None else self.truth[keep],
         )
+
+    def __repr__(self) -> str:
+        seconds = (self.time_ns[-1] - self.time_ns[0]) * 1e-9
+        missing = 100.0 * (1.0 - self.present.mean())
+        truth = "" if self.truth is None else ", with truth"
+        return (
+            f"<Sequence {self.name!r}, {self.hand} hand, {len(self):,} frames in {seconds:.2f} s,"
+            f" {missing:.1f} % of the joints missing{truth}>"
+        )
+
+
+def frames_between(
+    time_ns: NDArray[np.int64], start_s: float | None, end_s: float | None
+) -> NDArray[np.bool_]:
+    """(T,) which frames lie from one time to another, both included [s from the first frame].
+
+    Raises:
+        InputError: none.
+    """
+    seconds = (time_ns - time_ns[:1]) * 1e-9
+    keep = seconds >= (-np.inf if start_s is None else start_s)
+    keep &= seconds <= (np.inf if end_s is None else end_s)
+    if not keep.any():
+        last = seconds[-1] if len(seconds) else 0.0
+        raise InputError(f"no frame from {start_s} to {end_s} s, there are 0 to {last:.3f} s")
+    return np.asarray(keep)
 
 
 _own: WeakValueDictionary[int, NDArray[Any]] = WeakValueDictionary()

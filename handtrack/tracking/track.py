@@ -17,6 +17,7 @@ from handtrack.hand.skeleton import ANGLE_JOINT, N_JOINTS, Hand
 from handtrack.mcap.hand import Event as Event
 from handtrack.mcap.hand import Head
 from handtrack.mcap.state import States, Stretch
+from handtrack.sequences.sequence import frames_between
 
 if TYPE_CHECKING:
     import pandas
@@ -109,14 +110,7 @@ class Track(States):
         Raises:
             InputError: no frame lies there.
         """
-        first = int(self.time_ns[0]) if len(self) else 0
-        seconds = (self.time_ns - first) * 1e-9
-        keep = np.ones(len(self), dtype=bool)
-        keep &= seconds >= (-np.inf if start_s is None else start_s)
-        keep &= seconds <= (np.inf if end_s is None else end_s)
-        if not keep.any():
-            last = seconds[-1] if len(seconds) else 0.0
-            raise InputError(f"no frame from {start_s} to {end_s} s, there are 0 to {last:.3f} s")
+        keep = frames_between(self.time_ns, start_s, end_s)
         arrays: dict[str, Any] = {
             name: None if a is None else a[keep] for name, a in self.arrays().items()
         }

@@ -26,6 +26,21 @@ def test_a_part_by_time(track):
         track.between(50)
 
 
+def test_a_part_of_a_sequence_by_time(sample):
+    part = sample.between(0.5, 1.0)
+    start = (part.time_ns[0] - sample.time_ns[0]) * 1e-9
+    end = (part.time_ns[-1] - sample.time_ns[0]) * 1e-9
+    assert 0.5 <= start < 0.54
+    assert 0.96 < end <= 1.0
+    first, last = part.frame_index[[0, -1]]
+    np.testing.assert_array_equal(part.joints, sample.joints[first : last + 1])
+    np.testing.assert_array_equal(part.truth, sample.truth[first : last + 1])
+    assert repr(part).startswith(f"<Sequence 'sample', right hand, {len(part)} frames in ")
+    assert repr(part).endswith(" % of the joints missing, with truth>")
+    with pytest.raises(InputError, match="no frame from 50 to None s"):
+        sample.between(50)
+
+
 def test_it_says_what_it_is_in_one_line(track):
     text = repr(track)
     assert text.startswith("<Track 'sample', right hand, 60 frames in 1.97 s: 60 fitted, ")
