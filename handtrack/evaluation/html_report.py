@@ -89,6 +89,7 @@ def page_data(report: Report, about: About = About()) -> dict[str, Any]:  # noqa
         "date": about.date,
         "command": about.command,
         "files": [[name, list(paths)] for name, paths in about.files.items()],
+        "settings": [[n if len(methods) > 1 else "", _settings(m)] for n, m in methods.items()],
         "scope": scope,
         "against": first.overall.against,
         "meaning": MEANING[first.overall.against],
@@ -106,6 +107,17 @@ def page_data(report: Report, about: About = About()) -> dict[str, Any]:  # noqa
         "angles": list(ANGLE_NAMES),
         "bones": [list(b) for b in BONES],
     }
+
+
+def _settings(report: StabilityReport) -> list[str]:
+    """How its hands were tracked, each way once."""
+    told = []
+    for row in report.sequences:
+        values = {} if row.material is None else row.material.settings
+        plain = {n: v for n, v in values.items() if isinstance(v, str | int | float) and v != ""}
+        written = (f"{v:.4g}" if isinstance(v, float) else str(v) for v in plain.values())
+        told.append(", ".join(map(" ".join, zip(plain, written, strict=True))))
+    return [text for text in dict.fromkeys(told) if text]
 
 
 def _method(name: str, report: StabilityReport, row: Stability) -> dict[str, Any]:

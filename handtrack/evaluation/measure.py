@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -51,7 +51,7 @@ class Estimate:
         truth: (T, 21, 3) that came with them, or None.
         angles: (T, 20) [rad] or None, with the limits they should keep.
         timed, numbered: whether times and numbers are the source's (as in `Sequence`).
-        reprojection_px: how far from pictures, where `observed` was fitted to those, or None.
+        settings: of the track.
     """
 
     name: str
@@ -66,7 +66,7 @@ class Estimate:
     limits: Limits | None = None
     timed: bool = True
     numbered: bool = True
-    reprojection_px: Spread | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -95,7 +95,7 @@ class Estimate:
             track.model.limits,
             track.timed,
             track.numbered,
-            reprojection_px=_in_pictures(track.settings),
+            track.settings,
         )
 
     @staticmethod
@@ -115,7 +115,7 @@ class Estimate:
         )
 
 
-def _in_pictures(settings: Mapping[str, Any]) -> Spread | None:
+def in_pictures(settings: Mapping[str, Any]) -> Spread | None:
     """Of a hand that was fitted to the pictures of cameras: how far it is from them [px]."""
     found = settings.get("cameras")
     pixels = found.get("reprojection_px") if isinstance(found, dict) else None
@@ -210,9 +210,10 @@ def measure(
             estimate.limits,
             estimate.timed,
             estimate.numbered,
+            estimate.settings,
         ),
     )
-    return replace(found, reprojection_px=estimate.reprojection_px)
+    return replace(found, reprojection_px=in_pictures(estimate.settings))
 
 
 def summary(

@@ -62,6 +62,7 @@ class Material:
         joint_errors_mm: (T, 21) errors after similarity alignment of each frame.
         angles: (T, 20) [rad] or None; limits: those of the hand.
         timed, numbered: whether times and numbers are the source's (as in `Sequence`).
+        settings: of the track, where it is one.
     """
 
     time_ns: NDArray[np.int64]
@@ -73,6 +74,7 @@ class Material:
     limits: Limits | None = None
     timed: bool = True
     numbered: bool = True
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         make_read_only(self)

@@ -9,6 +9,7 @@ import re
 import shlex
 import shutil
 import subprocess
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -203,3 +204,14 @@ def test_long_traces_are_least_mean_and_greatest_of_spans():
         assert short["mean"][k] == [
             None if np.isnan(v) else pytest.approx(v, abs=0.0051) for v in values[:, k]
         ]
+
+
+def test_how_the_hands_were_tracked_stands_once(track, two_hands):
+    both = [
+        replace(t, settings={"filter": "rts", "cutoff": 1 / 3, "part": {"a": 1}}) for t in two_hands
+    ]
+    ways = {"a": stability(both), "b": stability(replace(track, settings={"filter": "none"}))}
+    assert page_data(ways["a"])["settings"] == [["", ["filter rts, cutoff 0.3333"]]]
+    (row,) = page_data(ways["b"])["settings"]
+    assert row == ["", ["filter none"]]
+    assert page_data(stability_of_pairs([tuple(sequences(20, (1.0,)))]))["settings"] == [["", []]]
