@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -141,6 +142,9 @@ def detect(
     name = "mediapipe" if own or isinstance(detector, MediaPipeDetector) else ""
     # images become a clip by a rate
     still = pictures_in(source) != "video" and fps is None
+    shown = pictures(source, fps)
+    # what cannot be read is told before a detector is asked for
+    first = list(islice(shown, 1))
     detector = detector or MediaPipeDetector(model, still=still)
     tracks = HandTracks(linked=not still)
     rows: list[list[tuple[int, Detection]]] = []
@@ -148,7 +152,7 @@ def detect(
     index: list[int] = []
     size = (0, 0)
     try:
-        for picture in pictures(source, fps):
+        for picture in chain(first, shown):
             if frames is not None and picture.index < frames[0]:
                 continue
             if frames is not None and picture.index > frames[1]:

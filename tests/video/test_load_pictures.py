@@ -36,6 +36,16 @@ def test_a_video_is_its_hands(tmp_path, monkeypatch):
     assert exchanged[0].time_ns[1] == 20_000_000
 
 
+@pytest.mark.parametrize("data", [b"\xff\xd8\xff\xe0", b"\x89PNG\r\n\x1a\n", b"\0\0\0\x18ftypisom"])
+def test_what_is_damaged_is_told_before_a_detector_is_asked_for(tmp_path, monkeypatch, data):
+    monkeypatch.setattr(detections, "MediaPipeDetector", None)
+    path = tmp_path / "a.json"
+    path.write_bytes(data)
+    with pytest.raises(ht.InputError) as caught:
+        ht.load(path)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
 def test_options_of_joints_are_refused(tmp_path):
     path = tmp_path / "a.png"
     write_image(path, 90)
