@@ -49,7 +49,7 @@ def plot(
         joints: joints ("index_pip"), kinds of joints ("pip") or angles ("thumb_cmc_abduction");
             all if there are none.
         start_s, end_s: first and last time [s] from the first frame.
-        settings, **options: as in `PlotSettings`.
+        settings, options: as in `PlotSettings`.
 
     Returns:
         The figure, of matplotlib; it can be changed and saved again.
