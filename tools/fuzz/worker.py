@@ -8,6 +8,7 @@ from __future__ import annotations
 import codecs
 import gc
 import json
+import mmap
 import os
 import random
 import resource
@@ -69,6 +70,8 @@ class Watch:
                 self.seen.append(f"open {path} {mode}")
         elif event in _HARMLESS or self.first:
             return
+        elif event == "mmap.__new__" and arguments[2] == mmap.ACCESS_READ:
+            return  # a file that is read
         elif event.partition(".")[0] in _FORBIDDEN:
             self.seen.append(f"{event} {arguments}"[:200])
 
