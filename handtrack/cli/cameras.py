@@ -178,12 +178,10 @@ def _people_of(
     stack: list[PictureLandmarks], cameras: list[Camera], reading: Reading
 ) -> list[list[Found]]:
     """The one person whom several cameras saw, as `_people` gives people."""
-    from handtrack.sequences.hands import CHOICES
     from handtrack.video.landmark_files import found_in
 
-    choice = next(c for c in CHOICES if c == reading.hand)
     sizes = [camera.size or one.extent for camera, one in zip(cameras, stack, strict=True)]
-    seen = [found_in([one], size, choice) for one, size in zip(stack, sizes, strict=True)]
+    seen = [found_in([one], size, reading.choice) for one, size in zip(stack, sizes, strict=True)]
     if not all(seen):
         raise InputError(f"there is no {reading.hand} hand", stack[0].source)
     return [[people[0] for people in seen]]
@@ -192,13 +190,12 @@ def _people_of(
 def _told(views: Views, found: list[Found], reading: Reading) -> Views:
     """Views with what the user should know; of several cameras the joints' bending tells the hand
     that no file names."""
-    from handtrack.sequences.hands import CHOICES, label_hands
+    from handtrack.sequences.hands import label_hands
 
     notes = tuple(dict.fromkeys(n for f in found for n in f.notes))
     if len(views.cameras) == 1 or any(f.named for f in found):
         return replace(views, notes=(*views.notes, *notes))
-    choice = next(c for c in CHOICES if c == reading.hand)
-    (points,) = label_hands([views.sequence()], [None], [False], choice, False)
+    (points,) = label_hands([views.sequence()], [None], [False], reading.choice, False)
     notes = tuple(n for n in notes if not n.startswith("hand not named"))
     return replace(views, hand=points.hand, notes=(*points.notes, *notes))
 
@@ -216,12 +213,10 @@ def _people(
         InputError: of several cameras one saw several people.
     """
     from handtrack.files.pictures import pictures_in
-    from handtrack.sequences.hands import CHOICES
     from handtrack.video.landmark_files import Found, found_in
 
     seen: list[list[Found]] = []
     stored = False
-    choice = next(c for c in CHOICES if c == reading.hand)
     for i, path in enumerate(inputs):
         if path.exists() and pictures_in(path) is not None:
             if lens.size is not None:
@@ -230,7 +225,7 @@ def _people(
             continue
         stored = True
         size = lens.size if cameras is None else cameras[i].size
-        people = found_in(reading.landmarks(path), size, choice)
+        people = found_in(reading.landmarks(path), size, reading.choice)
         if not people:
             raise InputError(f"there is no {reading.hand} hand", path)
         if len(people) > 1 and len(inputs) > 1:

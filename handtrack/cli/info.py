@@ -42,6 +42,8 @@ def info(files: tuple[Path, ...], follow: bool, as_json: bool, quiet: bool) -> N
 
 
 def _print(about: dict[str, Any]) -> None:
+    from handtrack.tracking.settings import reprojection_px
+
     chunks = f"{about['chunks']:,} chunks of {about['compression']}"
     version = shown(about["version"])
     click.echo(
@@ -60,10 +62,9 @@ def _print(about: dict[str, Any]) -> None:
         click.echo(
             f"    {', '.join(counts)}; {hand['events']:,} events, {hand['warnings']} warnings"
         )
-        cameras = hand["settings"].get("cameras")
-        pixels = cameras.get("reprojection_px") if isinstance(cameras, dict) else None
+        pixels = reprojection_px(hand["settings"])
         for against, error in hand["error_mm"].items():
-            if against == "observed" and isinstance(pixels, dict):
+            if against == "observed" and pixels is not None:
                 continue  # what was observed is in pictures
             numbers = ", ".join(
                 f"{name} {'beyond all numbers' if value is None else f'{value:.2f}'}"
@@ -71,9 +72,10 @@ def _print(about: dict[str, Any]) -> None:
             )
             click.echo(f"    error to the {shown(against)} joints, mm: {numbers}")
         _print_reasons(hand["settings"])
-        if isinstance(pixels, dict):
+        if pixels is not None:
             numbers = ", ".join(f"{shown(name)} {_short(value)}" for name, value in pixels.items())
-            click.echo(f"    reprojection error in {cameras.get('views')} cameras, px: {numbers}")
+            views = hand["settings"]["cameras"].get("views")
+            click.echo(f"    reprojection error in {views} cameras, px: {numbers}")
         settings = ", ".join(
             f"{shown(name)} {_short(value)}" for name, value in hand["settings"].items()
         )

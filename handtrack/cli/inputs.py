@@ -13,6 +13,7 @@ from handtrack.errors import InputError, SettingsError
 if TYPE_CHECKING:
     from handtrack import Sequence, Track
     from handtrack.evaluation.measure import Estimate
+    from handtrack.sequences.hands import HandChoice
     from handtrack.sequences.load import PassedOver
     from handtrack.sequences.picture_landmarks import PictureLandmarks
     from handtrack.video.detections import Detections
@@ -37,6 +38,13 @@ class Reading(NamedTuple):
     markers: Path | None = None
     key: str | None = None
     columns: str | None = None
+
+    @property
+    def choice(self) -> HandChoice:
+        """The hand, as one of the choices."""
+        from handtrack.sequences.hands import CHOICES
+
+        return next(c for c in CHOICES if c == self.hand)
 
     def load(
         self, path: Path, quiet: bool = False, found: Detections | None = None
@@ -121,10 +129,9 @@ class Reading(NamedTuple):
 
     def labelled(self, found: Detections) -> list[Sequence]:
         """The joints of detected hands, labelled as the user wants them."""
-        from handtrack.sequences.hands import CHOICES
         from handtrack.video.detections import labelled
 
-        return labelled(found, next(c for c in CHOICES if c == self.hand))
+        return labelled(found, self.choice)
 
     @property
     def frame_range(self) -> tuple[int, int] | None:

@@ -20,6 +20,7 @@ from handtrack.files.long_arrays import Growing, blocks, by_blocks
 from handtrack.hand.limits import Limits
 from handtrack.hand.skeleton import Hand
 from handtrack.sequences.sequence import Sequence
+from handtrack.tracking.settings import reprojection_px
 from handtrack.tracking.track import Track
 
 BOOTSTRAPPED = ("pa_mpjpe_mm", "mpjpe_mm", "jitter_m_s3")
@@ -117,9 +118,8 @@ class Estimate:
 
 def in_pictures(settings: Mapping[str, Any]) -> Spread | None:
     """Of a hand that was fitted to the pictures of cameras: how far it is from them [px]."""
-    found = settings.get("cameras")
-    pixels = found.get("reprojection_px") if isinstance(found, dict) else None
-    if not isinstance(pixels, dict):
+    pixels = reprojection_px(settings)
+    if pixels is None:
         return None
     values = {n: v for n, v in pixels.items() if isinstance(v, int | float)}
     return Spread(*(float(values.get(n, np.nan)) for n in Spread.__dataclass_fields__))

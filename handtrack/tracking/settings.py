@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from handtrack.calibration.settings import CalibrationSettings
 from handtrack.errors import SettingsError
@@ -170,3 +171,11 @@ class TrackSettings(TrackerSettings):
         metavar="auto|none|NAME|PROFILE.json",
         always=False,
     )
+
+
+def reprojection_px(settings: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """Of a track that was fitted to the pictures of cameras, by its settings: how far it is from
+    what was seen there, `mean`, `p95` and so on [px]; else None."""
+    cameras = settings.get("cameras")
+    pixels = cameras.get("reprojection_px") if isinstance(cameras, Mapping) else None
+    return pixels if isinstance(pixels, Mapping) else None

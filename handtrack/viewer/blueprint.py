@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from handtrack.hand.skeleton import FINGERS
+from handtrack.tracking.settings import reprojection_px
 from handtrack.viewer import style
 from handtrack.viewer.eye import Eye, Seen, eye
 from handtrack.viewer.key import dots, key_view, lines
@@ -193,9 +194,8 @@ def _plots(hand: Shown, look: Look) -> rrb.Vertical:
 def _errors_name(hand: Shown) -> str:
     """What was seen in pictures has its error there: beside its plot, whose observed joints are
     only what was made of the pictures."""
-    cameras = hand.track.settings.get("cameras")
-    pixels = cameras.get("reprojection_px") if isinstance(cameras, dict) else None
-    if not isinstance(pixels, dict) or not isinstance(pixels.get("mean"), int | float):
+    pixels = reprojection_px(hand.track.settings)
+    if pixels is None or not isinstance(pixels.get("mean"), int | float):
         return "errors [mm]"
     mean, p95 = (float(pixels.get(name, np.nan)) for name in ("mean", "p95"))
     return f"errors [mm]; in the pictures: mean {mean:.1f} px, p95 {p95:.1f} px"
