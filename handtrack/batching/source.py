@@ -211,11 +211,4 @@ def _cut(sequence: Sequence, clip: Clip) -> Sequence | None:
     keep = (seconds >= (clip.start or 0.0)) & (seconds <= end)
     if not sequence.present[keep].any():
         return None
-    return replace(
-        sequence,
-        time_ns=sequence.time_ns[keep],
-        joints=sequence.joints[keep],
-        confidence=sequence.confidence[keep],
-        frame_index=sequence.frame_index[keep],
-        truth=None if sequence.truth is None else sequence.truth[keep],
-    )
+    return sequence.at(keep)

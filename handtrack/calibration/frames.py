@@ -36,16 +36,9 @@ def excerpt(sequence: Sequence) -> Sequence:
         return sequence
     begins = np.linspace(0, n - _PIECE, LONG // _PIECE).astype(np.int64)
     keep = (begins[:, None] + np.arange(_PIECE)).ravel()
-    if not np.isfinite(joints := sequence.joints[keep]).any():
+    if not np.isfinite(sequence.joints[keep]).any():
         return sequence
-    return replace(
-        sequence,
-        time_ns=sequence.time_ns[keep],
-        joints=joints,
-        confidence=sequence.confidence[keep],
-        frame_index=sequence.frame_index[keep],
-        truth=None,
-    )
+    return replace(sequence, truth=None).at(keep)
 
 
 @dataclass(frozen=True, eq=False)

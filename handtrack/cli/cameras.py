@@ -244,11 +244,10 @@ def _check_size(views: Views, lens: Lens) -> None:
     Raises:
         InputError: no hand has that size.
     """
-    from handtrack.sequences.size import PLAUSIBLE_PALM, USUAL_PALM, palm_length
+    from handtrack.sequences.size import USUAL_PALM, absurd, is_absurd, palm_length
 
     palm = palm_length(views.points)
-    low, high = PLAUSIBLE_PALM
-    if not low <= palm <= high and palm == palm:
+    if is_absurd(palm):
         adult = sum(USUAL_PALM) / 2
         unit = (
             f"{palm / adult:.2g} times shorter"
@@ -256,12 +255,11 @@ def _check_size(views: Views, lens: Lens) -> None:
             else f"{adult / palm:.2g} times longer"
         )
         said = "" if lens.board_unit is None else f" with --board-unit {lens.board_unit}"
-        raise InputError(
-            f"the hand would be {palm:.3g} m from wrist to knuckles{said}: --board-unit says the"
-            " unit of the cameras' translations, m, cm, mm or the length of a board's square as in"
-            f" 42mm; one about {unit} would fit",
-            lens.file,
+        advice = (
+            ": --board-unit says the unit of the cameras' translations, m, cm, mm or the length of"
+            f" a board's square as in 42mm; one about {unit} would fit"
         )
+        raise InputError(absurd(palm, said, advice), lens.file)
 
 
 def _hand(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -34,13 +34,15 @@ class Event:
     text: str
 
 
-@dataclass(frozen=True, eq=False)
-class Head:
-    """All of a Track that is not of its frames, as there.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class About:
+    """What does not change of a tracked hand.
 
     Attributes:
-        has_truth: whether its frames have true joints.
-        faces, n_vertices: of the skin.
+        name, hand, source, subject: as in the Sequence.
+        model: the hand that was fitted.
+        settings: what made the track: plain JSON values by name.
+        version: version of handtrack that made it.
     """
 
     name: str
@@ -50,6 +52,21 @@ class Head:
     version: str = ""
     source: str = ""
     subject: str = ""
+
+    def about(self) -> dict[str, Any]:
+        """Those by name."""
+        return {of.name: getattr(self, of.name) for of in fields(About)}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Head(About):
+    """All of a Track that is not of its frames, as there.
+
+    Attributes:
+        has_truth: whether its frames have true joints.
+        faces, n_vertices: of the skin.
+    """
+
     has_truth: bool = False
     faces: NDArray[np.int32] = field(default_factory=lambda: np.empty((0, 3), np.int32))
     n_vertices: int = 0

@@ -147,7 +147,7 @@ class Sequence:
                 f" {self.frame_index[0]}:{self.frame_index[-1]}",
                 self.source or None,
             )
-        return self._of(keep)
+        return self.at(keep)
 
     def between(self, start_s: float | None = None, end_s: float | None = None) -> Sequence:
         """The part from one time to another, both included [s from the first frame].
@@ -155,9 +155,14 @@ class Sequence:
         Raises:
             InputError: no frame lies there.
         """
-        return self._of(frames_between(self.time_ns, start_s, end_s))
+        return self.at(frames_between(self.time_ns, start_s, end_s))
 
-    def _of(self, keep: NDArray[np.bool_]) -> Sequence:
+    def at(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> Sequence:
+        """Some of the frames, as a mask or by their places, increasing.
+
+        Raises:
+            InputError: they have no joint.
+        """
         return replace(
             self,
             time_ns=self.time_ns[keep],

@@ -70,11 +70,10 @@ def check_sizes(hands: list[Array], units: list[Unit], path: Path) -> list[str |
         InputError: all that can be measured are absurdly large or small, with the unit that
             would fit.
     """
-    low, high = PLAUSIBLE_PALM
     palms = [palm_length(joints) for joints in hands]
-    absurd = [not (np.isnan(palm) or low <= palm <= high) for palm in palms]
-    if any(absurd) and not any(low <= palm <= high for palm in palms):
-        worst = absurd.index(True)
+    wrong = [is_absurd(palm) for palm in palms]
+    if any(wrong) and not any(map(is_plausible, palms)):
+        worst = wrong.index(True)
         raise InputError(_advice(palms[worst], units[worst]), path)
     notes: list[str | None] = []
     for palm in palms:
@@ -86,12 +85,33 @@ def check_sizes(hands: list[Array], units: list[Unit], path: Path) -> list[str |
     return notes
 
 
-def _advice(palm: float, unit: Unit) -> str:
+def is_plausible(palm: float) -> bool:
+    """Whether a palm of that length [m] can be; not where none was measured (NaN)."""
     low, high = PLAUSIBLE_PALM
-    fits = [u for u in METRES if low <= palm / METRES[unit] * METRES[u] <= high]
+    return low <= palm <= high
+
+
+def is_absurd(palm: float) -> bool:
+    """Whether a palm was measured and cannot be."""
+    return not (np.isnan(palm) or is_plausible(palm))
+
+
+def fitting_unit(joints: Array) -> Unit | None:
+    """The unit in which a hand has a hand's size; None where none of them."""
+    palm = palm_length(joints)
+    return next((unit for unit, metres in METRES.items() if is_plausible(palm * metres)), None)
+
+
+def absurd(palm: float, taken: str, advice: str) -> str:
+    """What is said of it: how long it would be, taken for what, and what to do."""
+    return f"the hand would be {palm:.3g} m from wrist to knuckles{taken}{advice}"
+
+
+def _advice(palm: float, unit: Unit) -> str:
+    fits = [u for u in METRES if is_plausible(palm / METRES[unit] * METRES[u])]
     advice = (
         f"--unit {fits[0]} would fit"
         if fits
         else "none of m, cm, mm would fit (are these 3D positions in one unit of length?)"
     )
-    return f"the hand would be {palm:.3g} m from wrist to knuckles with unit {unit}; {advice}"
+    return absurd(palm, f" with unit {unit}", f"; {advice}")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from handtrack.deprecated import old_arguments, renamed
 from handtrack.errors import InputError
 from handtrack.files.long_arrays import Growing, GrowingTexts, blocks
-from handtrack.hand.model import HandModel
-from handtrack.hand.skeleton import ANGLE_JOINT, N_JOINTS, Hand
+from handtrack.hand.skeleton import ANGLE_JOINT, N_JOINTS
+from handtrack.mcap.hand import About, Head
 from handtrack.mcap.hand import Event as Event
-from handtrack.mcap.hand import Head
 from handtrack.mcap.state import States, Stretch
 from handtrack.sequences.sequence import frames_between
 
@@ -63,28 +62,18 @@ class SkinOfFrames:
 @renamed(sweeps="iterations")
 @old_arguments(sweeps="iterations")
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Track(States):
+class Track(States, About):
     """A tracked sequence. Recorders, replay, metrics and reports see only this.
 
-    Its arrays are those of `States`, with T frames; they can only be read.
+    Its arrays are those of `States`, with T frames; they can only be read. What is not of its
+    frames is as in `About`.
 
     Attributes:
-        name, hand, source, subject: as in the Sequence.
-        model: the hand that was fitted.
-        settings: what made the track: plain JSON values by name.
-        version: version of handtrack that made it.
         events: what happened, in order of time.
         skin: the skin as recorded, where the model cannot make it: a licensed one that was read
             from a recording.
     """
 
-    name: str
-    hand: Hand
-    model: HandModel
-    settings: Mapping[str, object] = field(default_factory=dict)
-    version: str = ""
-    source: str = ""
-    subject: str = ""
     events: tuple[Event, ...] = ()
     skin: Skin | None = None
 
@@ -92,13 +81,7 @@ class Track(States):
     def head(self) -> Head:
         """All that is not of its frames."""
         return Head(
-            name=self.name,
-            hand=self.hand,
-            model=self.model,
-            settings=self.settings,
-            version=self.version,
-            source=self.source,
-            subject=self.subject,
+            **self.about(),
             has_truth=self.truth is not None,
             faces=self.faces,
             n_vertices=self.n_vertices,
@@ -290,13 +273,7 @@ class LongTrack:
             n: None if kept is None else kept.whole() for n, kept in self._arrays.items()
         }
         return Track(
-            name=head.name,
-            hand=head.hand,
-            model=head.model,
-            settings=head.settings,
-            version=head.version,
-            source=head.source,
-            subject=head.subject,
+            **head.about(),
             events=tuple(self._events),
             skin=skin,
             **arrays,

@@ -14,9 +14,9 @@ from handtrack.sequences.clock import Stamps
 from handtrack.sequences.readers.both_hands import two_hands
 from handtrack.sequences.readers.fields import JOINT_COUNTS as COUNTS
 from handtrack.sequences.readers.fields import PAIRS, frame_numbers
-from handtrack.sequences.readers.raw import METRES, Array, NotJointsError, Raw, Unit, stem
+from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, stem
 from handtrack.sequences.readers.table_cells import Table
-from handtrack.sequences.size import PLAUSIBLE_PALM, palm_length
+from handtrack.sequences.size import fitting_unit
 from handtrack.sequences.skeleton_check import misfit
 
 _FAR_BETTER = 0.8
@@ -84,16 +84,9 @@ def _one_hand(raw: Raw, first: Array | None, table: Table, path: Path) -> Raw:
             path,
         )
     raw = _with_count(raw, first, table, path)
-    unit = _unit(raw.joints)
+    unit = fitting_unit(raw.joints)
     note = f"joints in this project's order{'' if unit is None else f', in {unit}'}"
     return replace(raw, unit=unit, notes=(*raw.notes, f"64 columns without titles: {note}"))
-
-
-def _unit(joints: Array) -> Unit | None:
-    """The unit in which a palm has a palm's length."""
-    palm = palm_length(joints)
-    low, high = PLAUSIBLE_PALM
-    return next((unit for unit, metres in METRES.items() if low <= palm * metres <= high), None)
 
 
 def _with_count(raw: Raw, first: Array | None, table: Table, path: Path) -> Raw:

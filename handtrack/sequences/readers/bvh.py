@@ -24,9 +24,9 @@ from handtrack.hand.rotations import about_axis
 from handtrack.hand.skeleton import N_JOINTS, TIPS, Hand
 from handtrack.sequences.names import UNUSED, JointName, joint_name, settle, words
 from handtrack.sequences.readers.jsontext import as_utf8
-from handtrack.sequences.readers.raw import METRES, Array, NotJointsError, Raw, Unit, stem
+from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, stem
 from handtrack.sequences.readers.table_cells import Table
-from handtrack.sequences.size import PLAUSIBLE_PALM, palm_length
+from handtrack.sequences.size import fitting_unit
 
 START = b"HIERARCHY"
 _FEWEST = 8
@@ -82,7 +82,7 @@ def read_bvh(data: bytes, path: Path) -> list[Raw]:
             out[:, joint] = places[node]
         raw = Raw(out, path, stem(path), hand=hand, order="handtrack", fps=rate)
         raw.tagged = hand is not None
-        raw.unit = _unit(out)
+        raw.unit = fitting_unit(out)
         if raw.unit is not None:
             raw.notes = (f"BVH states no unit: read as {raw.unit}, which makes a hand",)
         raws.append(raw)
@@ -301,10 +301,3 @@ def _placed(
                 places[i][block] = places[node.parent][block] + np.einsum("tab,tb->ta", above, move)
                 turns[i] = above @ local
     return places
-
-
-def _unit(joints: Array) -> Unit | None:
-    """The unit in which the hand has a hand's size."""
-    palm = palm_length(joints)
-    low, high = PLAUSIBLE_PALM
-    return next((unit for unit, metres in METRES.items() if low <= palm * metres <= high), None)

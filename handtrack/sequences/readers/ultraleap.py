@@ -18,9 +18,9 @@ import numpy as np
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import FINGERS, N_JOINTS
-from handtrack.sequences.readers.raw import METRES, Array, Raw
+from handtrack.sequences.readers.raw import Array, Raw
 from handtrack.sequences.readers.records import read_records
-from handtrack.sequences.size import PLAUSIBLE_PALM, palm_length
+from handtrack.sequences.size import fitting_unit
 
 _BONES = ("metacarpal", "proximal", "intermediate", "distal")
 _ENDS = (("prev_joint", "next_joint"), ("prevJoint", "nextJoint"), ("PrevJoint", "NextJoint"))
@@ -58,9 +58,7 @@ def read_frames(
         frames.append({**rest, "hands": own})
     raws = read_records(frames, places, path, about)
     for raw in raws:
-        palm, (low, high) = palm_length(raw.joints), PLAUSIBLE_PALM
-        fits = (u for u, metres in METRES.items() if low <= palm * metres <= high)
-        raw.unit = raw.unit or next(fits, "mm")
+        raw.unit = raw.unit or fitting_unit(raw.joints) or "mm"
     return raws
 
 
