@@ -23,9 +23,11 @@ from handtrack.sequences.skeleton_check import Picks
 
 FARTHEST = 1e6
 """[m] No hand is farther from the origin; damaged numbers are."""
+_NOWHERE = 1e3 * FARTHEST
 _ALIKE = (0.7, 1.4)
 """Sizes of one hand, as joints and as truth have them, differ by less than this."""
 Mirror = Literal["x", "y", "z"]
+_OURS = tuple(range(N_JOINTS))
 _MIRRORED: dict[Mirror | None, Array] = {
     None: np.ones(3),
     "x": np.array([-1.0, 1.0, 1.0]),
@@ -73,7 +75,9 @@ def assemble(raw: Raw, given: Given) -> Sequence:
     pick = np.array(reading.picks)
     unit = unit_of(raw, given)
     to_metres = METRES[unit] * _MIRRORED[given.mirror]
-    joints = by_blocks(lambda part: _picked(part, reading.picks) * to_metres, raw.joints)
+    joints = raw.joints
+    if reading.picks != _OURS or (to_metres != 1).any():
+        joints = by_blocks(lambda part: _picked(part, reading.picks) * to_metres, joints)
     _check_reach(joints, raw)
     joints, coincident = without_coincident(joints)
     notes += coincident
@@ -182,17 +186,17 @@ def _picked(joints: Array, picks: Picks) -> Array:
 
 def _check_numbers(raw: Raw) -> None:
     """Numbers that are no place in any unit, whose squares may be no numbers any more."""
-    for part in blocks(len(raw.joints)):
+    far_parts = [
+        part for part in blocks(len(raw.joints)) if (np.abs(raw.joints[part]) > _NOWHERE).any()
+    ]
+    for part in far_parts:
         infinite = np.isinf(raw.joints[part])
         if infinite.any():
             t = part.start + np.argwhere(infinite)[0, 0]
             raise InputError(f"frame {t}: a joint is infinite", raw.path)
-    for part in blocks(len(raw.joints)):
+    for part in far_parts:
         some = raw.joints[part].reshape(part.stop - part.start, -1, 3)
-        far = np.abs(np.nan_to_num(some, nan=0.0)) > 1e3 * FARTHEST
-        if not far.any():
-            continue
-        t, j, _ = np.argwhere(far)[0]
+        t, j, _ = np.argwhere(np.abs(some) > _NOWHERE)[0]
         value = some[t, j]
         t += part.start
         raise InputError(
@@ -204,7 +208,7 @@ def _check_numbers(raw: Raw) -> None:
 
 def _check_reach(joints: Array, raw: Raw) -> None:
     for part in blocks(len(joints)):
-        far = np.isfinite(joints[part]) & (np.abs(joints[part]) > FARTHEST)
+        far = np.abs(joints[part]) > FARTHEST
         if not far.any():
             continue
         frame, joint, axis = np.argwhere(far)[0] + (part.start, 0, 0)

@@ -9,12 +9,15 @@ from handtrack.errors import InputError
 from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.skeleton import BASES, N_JOINTS
 from handtrack.sequences.readers.raw import Array
+from handtrack.sequences.some_frames import some_frames
 
 DECIDED = 0.25
 """|chirality| above this is enough to name the hand where nobody said which it is."""
 STRONG = 0.5
 """|chirality| above this contradicts a label."""
 
+# frames and joints that are looked at, and how far from a bound they must be to be believed
+_LOOK, _LEAST, _SURE = 1000, 12, 0.1
 # a vote's evidence must beat this mean bend (its sine) to count for more than half
 _STRAIGHT = 0.05
 # little finger to thumb's side of the palm, widest pair first; the first one present is used
@@ -49,6 +52,16 @@ def chirality(joints: ArrayLike) -> float:
     evidence = np.nansum(np.abs(votes), axis=1)
     total = evidence.sum()
     return float((evidence * _agreement(votes)).sum() / total) if total > 0 else 0.0
+
+
+def bending(joints: Array) -> float:
+    """The `chirality` of joints (T, 21, 3): of some frames of a long clip where these are sure."""
+    some = some_frames(joints, _LOOK, _LEAST)
+    if len(some) == _LOOK:
+        found = chirality(joints[some])
+        if all(abs(abs(found) - bound) > _SURE for bound in (0.0, DECIDED, STRONG)):
+            return found
+    return chirality(joints)
 
 
 def frame_chirality(joints: Array) -> Array:

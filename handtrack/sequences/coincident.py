@@ -38,11 +38,11 @@ def without_coincident(joints: Array) -> tuple[Array, list[str]]:
 
     # only frames in which two may be near, seen from three sides, are looked at closely
     def may_be_near(part: Array) -> NDArray[np.bool_]:
-        known = np.nan_to_num(part, posinf=0.0, neginf=0.0)
         left = np.arange(len(part))
         for direction in _DIRECTIONS:
-            line = np.sort(known[left] @ direction, axis=1)
-            left = left[(np.diff(line, axis=1) <= near).any(1)]
+            with np.errstate(invalid="ignore"):
+                line = np.sort((part if len(left) == len(part) else part[left]) @ direction, axis=1)
+                left = left[(line[:, 1:] - line[:, :-1] <= near).any(1)]
         found = np.zeros(len(part), np.bool_)
         found[left] = True
         return found

@@ -9,7 +9,7 @@ from typing import Literal
 
 from handtrack.errors import InputError, SettingsError
 from handtrack.hand.skeleton import Hand
-from handtrack.sequences.chirality import DECIDED, STRONG, chirality
+from handtrack.sequences.chirality import DECIDED, STRONG, bending
 from handtrack.sequences.names import without_hand, words
 from handtrack.sequences.readers.raw import stem
 from handtrack.sequences.sequence import Sequence
@@ -57,7 +57,7 @@ def label_hands(
     several = len(sequences) > 1
     hint = None if several else hand_in_name(Path(sequences[0].source))
     out = []
-    scores = [chirality(sequence.joints) for sequence in sequences]
+    scores = [bending(sequence.joints) for sequence in sequences]
     agree = any(
         label is not None and abs(score) > STRONG and (score > 0) == (label == "right")
         for label, score in zip(labels, scores, strict=True)
@@ -67,7 +67,7 @@ def label_hands(
     for i, (sequence, label, tag) in enumerate(zip(sequences, labels, tagged, strict=True)):
         if both and choice in ("left", "right") and label != choice:
             continue
-        hand, note = told.get(i) or _settle(sequence, label, choice, both, agree, hint)
+        hand, note = told.get(i) or _settle(sequence, scores[i], label, choice, both, agree, hint)
         name = sequence.name
         if several or tag:
             # the names in handtrack's own recordings have their hand already
@@ -110,6 +110,7 @@ def _told_by_bending(sequences: list[Sequence], scores: list[float]) -> dict[int
 
 def _settle(
     sequence: Sequence,
+    score: float,
     label: Hand | None,
     choice: HandChoice,
     both: bool,
@@ -121,7 +122,6 @@ def _settle(
     A left-handed world and exchanged labels cannot be told apart by a hand's joints: both are
     named. Where another hand of the source fits its label it is neither.
     """
-    score = chirality(sequence.joints)
     bends: Hand = "right" if score > 0 else "left"
     if choice in ("left", "right") and not both:
         hand: Hand = "left" if choice == "left" else "right"

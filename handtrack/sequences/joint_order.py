@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS, ORDER_JOINTS, ORDERS
 from handtrack.sequences.readers.raw import Array, Raw
 from handtrack.sequences.skeleton_check import (
@@ -19,6 +18,7 @@ from handtrack.sequences.skeleton_check import (
     folded_back,
     misfit,
 )
+from handtrack.sequences.some_frames import some_frames
 
 BY_COUNT = {21: "handtrack", 25: "webxr", 26: "openxr", 27: "arkit"}
 """What joints are taken for where nobody says, by their number."""
@@ -30,6 +30,8 @@ _CHANCE, _NO_HAND = 2.5, 1.65
 _HOPELESS, _ABSURD = 1.5, 1.8
 # so few frames may be a strange pose
 _FEW = 3
+# frames that are looked at, and the joints that those have which say something
+_LOOK, _LEAST = 500, 12
 
 
 class Reading(NamedTuple):
@@ -143,13 +145,19 @@ def _by_count(raw: Raw) -> Reading:
     reading = Reading(ORDERS[name], name, False)
     if n == N_JOINTS:
         return reading
-    ranked = [f for f in best_order(raw.joints) if np.isfinite(f.misfit)]
-    own = misfit(raw.joints, reading.picks)
+    joints = _enough(raw)
+    ranked = [f for f in best_order(joints) if np.isfinite(f.misfit)]
+    own = misfit(joints, reading.picks)
     best = ranked[0] if ranked else None
     if best is None or best.name == name or not clearly_better(best.misfit, own, len(raw.joints)):
         return reading
     note = f"{n} joints taken in the order {best.name}, as its bones are a hand's (--order {name})"
     return Reading(best.picks, best.name, False, (note,))
+
+
+def _enough(raw: Raw) -> Array:
+    """Joints (F, N, 3) of frames that say something, and of no more than tell an order."""
+    return raw.joints[some_frames(raw.joints, _LOOK, min(_LEAST, raw.joints.shape[1]))]
 
 
 def with_as_many(n: int) -> str:
@@ -170,13 +178,13 @@ def _doubts(raw: Raw, reading: Reading, order: str | None) -> list[str]:
     Raises:
         InputError: nobody stated it and another is clearly right, or it is no hand's.
     """
-    joints = raw.joints
-    frames = int((by_blocks(lambda x: np.isfinite(x).all(-1).sum(1), joints) >= 12).sum())
+    joints = _enough(raw)
+    frames = len(joints)
     own = misfit(joints, reading.picks)
     if not np.isfinite(own):
         return []
     if order != AXIS_MAJOR:
-        turned = misfit(by_blocks(ordered_by_axis, joints), reading.picks)
+        turned = misfit(ordered_by_axis(joints), reading.picks)
         if clearly_better(turned, own, 1):
             raise InputError(
                 "the numbers of a frame seem to be all x, then all y, then all z: pass --order"

@@ -34,6 +34,8 @@ def marked(arrays: Items[Array]) -> tuple[list[Mask], str]:
         (T, N) of each array, and the marks that were found, for messages; "" if none.
     """
     even = [by_blocks(_even, x) for x in arrays]
+    if not any(e.any() for e in even):
+        return even, ""
     nowhere = [
         by_blocks(lambda x, e: e & np.isinf(x[..., 0]), x, e)
         for x, e in zip(arrays, even, strict=True)

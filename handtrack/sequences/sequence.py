@@ -223,14 +223,16 @@ def _joints(given: Array, where: str | None) -> Array:
     if not len(values):
         raise InputError("no frames", where)
     for part in blocks(len(values)):
-        infinite = np.isinf(values[part].astype(np.float64)).any((1, 2))
+        infinite = np.isinf(values[part].astype(np.float64, copy=False))
         if infinite.any():
-            t = part.start + int(np.flatnonzero(infinite)[0])
+            t = part.start + int(np.argwhere(infinite)[0, 0])
             raise InputError(f"frame {t}: a joint is infinite, expected metres or NaN", where)
 
     def clear(part: NDArray[Any]) -> Array:
         joints = _copy(part)
-        joints[np.isnan(joints).any(-1)] = np.nan
+        gone = np.isnan(joints)
+        if gone.any():
+            joints[gone[..., 0] | gone[..., 1] | gone[..., 2]] = np.nan
         return joints
 
     joints = by_blocks(clear, values)

@@ -11,6 +11,7 @@ from handtrack.errors import InputError
 from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.skeleton import BASES, PARENTS
 from handtrack.sequences.readers.raw import METRES, Array, Unit
+from handtrack.sequences.some_frames import some_frames
 
 PLAUSIBLE_PALM = (0.03, 0.2)
 """[m] Outside of it the unit is taken to be wrong; units are factors of ten apart, so that at
@@ -24,12 +25,14 @@ _ADULT = np.array(
     [42, 40, 32, 24, 93, 40, 23, 19, 90, 45, 26, 21, 86, 41, 26, 21, 82, 33, 18, 19], float
 )
 _ADULT_PALM = 0.088
+_LOOK = 1000
 
 
 def palm_length(joints: Array) -> float:
     """Median over frames of the mean distance from the wrist to the four finger bases.
 
-    Where the wrist is never there, an adult's palm scaled by the bones that are.
+    Of a long clip some frames are looked at, evenly spread; all where these have no palm. Where
+    the wrist is never there, an adult's palm scaled by the bones that are.
 
     Args:
         joints: (T, 21, 3), NaN = missing.
@@ -40,8 +43,12 @@ def palm_length(joints: Array) -> float:
     with warnings.catch_warnings(), np.errstate(over="ignore", invalid="ignore"):
         # what is no place is refused later; means of nothing are NaN, as meant
         warnings.simplefilter("ignore", RuntimeWarning)
-        palm = float(np.nanmedian(by_blocks(_palms, joints)))
+        some = joints[some_frames(joints, _LOOK, 2)]
+        palm = float(np.nanmedian(_palms(some)))
+        if np.isnan(palm) and len(some) == _LOOK:
+            palm = float(np.nanmedian(by_blocks(_palms, joints)))
         if np.isnan(palm):
+            joints = some
             bones = np.linalg.norm(joints[:, 1:] - joints[:, PARENTS[1:]], axis=-1)
             palm = float(np.nanmedian(np.nanmedian(bones, axis=0) / _ADULT)) * 1e3 * _ADULT_PALM
     return palm

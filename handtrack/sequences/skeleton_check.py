@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError
-from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import BASES, BONES, N_JOINTS, ORDER_JOINTS, ORDERS, PALM
+from handtrack.sequences.some_frames import HUGE, some_frames
 
 Array = NDArray[np.float64]
 Picks = tuple[int, ...]
@@ -27,8 +27,6 @@ GOOD = 0.6
 
 _LOOK = 60
 """Frames that are enough to tell an order."""
-# no joint is so far away in any unit; damaged numbers are
-_HUGE = 1e12
 _LEAST = 12
 """A frame with fewer joints says little."""
 # the length of a bone that has none, over the hand's size
@@ -166,7 +164,7 @@ def folded_back(joints: Array, picks: Picks) -> list[int]:
     places = np.array(picks)
     some = joints[:: max(1, len(joints) // _LOOK)]
     x = np.where((places < 0)[:, None], np.nan, some[:, places])
-    x = np.where(np.abs(x) < _HUGE, x, np.nan)
+    x = np.where(np.abs(x) < HUGE, x, np.nan)
     out = []
     for base in BASES:
         for j in range(base, base + 3):
@@ -220,13 +218,11 @@ def _lengths() -> _Lengths:
 def _log_distances(joints: Array) -> Array:
     """(F, N, N) logarithms of the distances in some frames; NaN where one is missing."""
     enough = min(_LEAST, joints.shape[1])
-    frames = np.flatnonzero(by_blocks(lambda x: _there(x).all(-1).sum(1), joints) >= enough)
+    frames = some_frames(joints, _LOOK, enough)
     if not len(frames):
         return np.zeros((0, joints.shape[1], joints.shape[1]))
-    if len(frames) > _LOOK:
-        frames = frames[np.linspace(0, len(frames) - 1, _LOOK).astype(np.int64)]
     x = joints[frames]
-    x = np.where(_there(x), x, np.nan)
+    x = np.where(np.abs(x) < HUGE, x, np.nan)
     apart = np.linalg.norm(x[:, :, None] - x[:, None], axis=-1)
     size = median(apart.reshape(len(x), -1), 1)[:, None, None]
     # joints at one place are no bone, but no reason to leave it out either
@@ -234,11 +230,6 @@ def _log_distances(joints: Array) -> Array:
     out = np.full(apart.shape, np.nan)
     np.log(apart, out=out, where=apart > 0)
     return out
-
-
-def _there(joints: Array) -> NDArray[np.bool_]:
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.abs(joints) < _HUGE)
 
 
 def _misfits(logs: Array, orders: NDArray[np.int64]) -> Array:

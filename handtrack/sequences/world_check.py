@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
-from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.skeleton import BONES
 from handtrack.sequences.readers.pictures import FIT_IN_2D
 from handtrack.sequences.readers.raw import Array
 from handtrack.sequences.size import palm_length
 from handtrack.sequences.skeleton_check import median
+from handtrack.sequences.some_frames import some_frames
 
 _LOOK, _LEAST = 200, 12
 """Frames that are enough to see it, and joints that a frame needs."""
@@ -49,11 +49,9 @@ def world_doubts(joints: Array, path: Path) -> list[str]:
     Raises:
         InputError: all joints are in one plane in most frames, or the unit changes on the way.
     """
-    seen = by_blocks(lambda x: np.isfinite(x).all(-1).sum(1), joints)
-    frames = np.flatnonzero(seen >= _LEAST)
+    frames = some_frames(joints, _LOOK, _LEAST)
     if not len(frames):
         return []
-    frames = frames[np.linspace(0, len(frames) - 1, min(_LOOK, len(frames))).astype(np.int64)]
     x = joints[frames]
     palm = palm_length(x)
     if not palm > 0:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handtrack.errors import InputError
-from handtrack.sequences.readers.raw import NotJointsError, Raw
+from handtrack.files.long_arrays import blocks, by_blocks
+from handtrack.sequences.readers.raw import Array, NotJointsError, Raw
 
 FIT_IN_2D = (
     "fit them in the picture (handtrack track --camera LENS, or --image-size WxH and --fov DEGREES)"
@@ -26,9 +28,10 @@ def seen_in_picture(raw: Raw, normalised: bool = False) -> Raw:
     known = raw.unit is not None or raw.picture
     if known or raw.joints.shape[1] != 21 or raw.order not in (None, "handtrack"):
         return raw
-    seen = raw.joints[np.isfinite(raw.joints).all((1, 2))]
-    if len(seen) < (1 if normalised else 2):
+    whole = by_blocks(lambda x: np.isfinite(x.reshape(len(x), -1)).all(1), raw.joints)
+    if whole.sum() < (1 if normalised else 2) or _deep_at_the_wrist(raw.joints, whole):
         return raw
+    seen = raw.joints[whole]
     wrist, extent = seen[:, 0], float(np.ptp(seen, axis=(0, 1)).max())
     flat = np.abs(wrist[:, 2]).max() < AT_ZERO * extent
     moves = normalised or np.ptp(wrist[:, :2], axis=0).max() > 10 * AT_ZERO * extent
@@ -36,6 +39,15 @@ def seen_in_picture(raw: Raw, normalised: bool = False) -> Raw:
     if not (flat and moves and deep) or seen[..., :2].min() < -0.5:
         return raw
     return replace(raw, picture="deep")
+
+
+def _deep_at_the_wrist(joints: Array, whole: NDArray[np.bool_]) -> bool:
+    """Whether the wrist's depth is something over all that joints (T, N, 3) extend to."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for part in blocks(len(joints)):
+        low = np.fmin(low, np.fmin.reduce(joints[part], axis=(0, 1)))
+        high = np.fmax(high, np.fmax.reduce(joints[part], axis=(0, 1)))
+    return bool(np.abs(joints[whole, 0, 2]).max() >= AT_ZERO * (high - low).max())
 
 
 def flat(raw: Raw) -> Raw:
