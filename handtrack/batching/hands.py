@@ -14,6 +14,7 @@ from handtrack.batching.settings import BatchSettings
 from handtrack.batching.store import Store, StoreError
 from handtrack.calibration.calibrate import calibrate
 from handtrack.calibration.explain import Explained, explain
+from handtrack.calibration.reach import reach
 from handtrack.detectors.chosen import seen_by
 from handtrack.errors import InputError
 from handtrack.files.scratch import scratch
@@ -30,6 +31,8 @@ _APART_M, _APART = 5e-5, 1.25
 _FREE, _LASTS = 37, 10
 """Coordinates of a frame that a pose leaves, and frames for which an error lasts."""
 _FREEDOMS = {"lengths": 20, "full": 60}
+# a calibration may gain so many times what a few steps towards it do
+_HOPED = 2.0
 _SOURCE = {"lengths": "pooled, lengths own", "full": "pooled, own from there"}
 
 
@@ -93,24 +96,36 @@ def hand_for(
         excess = found.fitted.mean - found.bound.mean
         if excess < _APART_M or found.fitted.mean < _APART * found.bound.mean:
             break
+        if not _promising(hand, sequence, found, method, freedoms - spent):
+            continue
         frames = settings.tracking.calibration.frames
         try:
             own = calibrate(hand, sequence, method, frames=frames)
         except InputError:  # too short for axes, which then stay the subject's
             break
         better = explain(own.model, sequence, EXPLAINED)
-        if _worth(found, better, freedoms - spent):
+        if _worth(found, better.fitted.rms, freedoms - spent):
             hand, found, source, spent = own.model, better, _SOURCE[method], freedoms
     drift = 1e3 * float(np.abs(_lengths(hand) - pooled_lengths).max())
     about = {"method": source, "hand": pooled.name, **found.summary()}
     return Chosen(hand, "none", source, {"calibration": about}, drift)
 
 
-def _worth(before: Explained, after: Explained, freedoms: int) -> bool:
+def _promising(
+    hand: HandModel, sequence: Sequence, found: Explained, method: str, freedoms: int
+) -> bool:
+    """Whether a calibration of the clip's own may be worth its freedoms, at a fifth of its cost."""
+    # no hand leaves less than the bound
+    if not _worth(found, found.bound.rms, freedoms):
+        return False
+    return _worth(found, reach(hand, sequence, method, EXPLAINED).rms, freedoms, _HOPED)
+
+
+def _worth(before: Explained, rms: float, freedoms: int, hoped: float = 1.0) -> bool:
     """Whether a hand of more freedoms is the likelier one, by the information criterion."""
     values = _FREE * max(1.0, before.frames / _LASTS)
-    gain = values * np.log(max(before.fitted.rms, 1e-9) / max(after.fitted.rms, 1e-9))
-    return bool(2.0 * gain > freedoms * np.log(values))
+    gain = values * np.log(max(before.fitted.rms, 1e-9) / max(rms, 1e-9))
+    return bool(2.0 * hoped * gain > freedoms * np.log(values))
 
 
 def _lengths(hand: HandModel) -> Any:

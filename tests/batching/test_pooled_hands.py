@@ -41,6 +41,14 @@ def test_the_subjects_own_clip_keeps_the_pooled_hand(subjects, tmp_path, noise):
     assert chosen.drift_mm == 0
 
 
+def test_noise_alone_is_no_reason_to_calibrate_a_clip(subjects, tmp_path, monkeypatch):
+    def refused(*given: object, **named: object) -> None:
+        raise AssertionError("a calibration that cannot be worth its freedoms was made")
+
+    monkeypatch.setattr("handtrack.batching.hands.calibrate", refused)
+    assert _chosen(tmp_path, subjects[0], _clip(subjects[0], 2e-3)).source == "pooled"
+
+
 @pytest.mark.parametrize("noise", [3e-4, 2e-3])
 def test_a_clip_of_another_hand_finds_its_own(subjects, tmp_path, noise):
     clip = _clip(subjects[0], noise)

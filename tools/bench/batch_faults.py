@@ -2,11 +2,13 @@
 
     python -m tools.bench.batch_faults WORK [--clips 24] [--frames 100] [--times 10] [--only KIND]
 
-Kinds: client, worker, scheduler (each killed with SIGKILL at a random time), interrupt (Ctrl-C),
-poison (a clip that ends the process that reads it), disk (full, then not; needs the right to
-mount), store (an S3 server of our own that vanishes; needs moto). After each fault the same
-command is given again until it succeeds; then the table must be that of the undisturbed run, to
-the bit in its numbers, every recording there, and no unfinished file left.
+Kinds: client, worker, scheduler (each killed with SIGKILL when a random share of the files is
+there), interrupt (Ctrl-C), poison (a clip that ends the process that reads it), disk (full, then
+not; needs the right to mount), store (an S3 server of our own that vanishes; needs moto), cluster
+(nothing breaks, but another scheduler does the work), version (a worker has another one). After
+each fault the same command is given again until it succeeds; then the table must be that of the
+undisturbed run, to the bit in its numbers, every recording there, and no unfinished file left. A
+fault that comes when the run is over is none, and is tried again.
 """
 
 from __future__ import annotations
@@ -16,14 +18,11 @@ import os
 import random
 import shutil
 import signal
-import socket
 import subprocess
 import sys
-import tempfile
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,6 +33,8 @@ from handtrack.batching.settings import BatchSettings, FreeHands
 from handtrack.batching.store import Store
 from handtrack.hand.model import HandModel
 from handtrack.sequences.sequence import Sequence
+from handtrack.viewer.process import free_port
+from tools.bench.batch_places import cluster, s3, workers
 from tools.make.data_set import Size, write
 
 POISON = "clip00005"
@@ -52,6 +53,10 @@ class Poisoned(FreeHands):
         return super().subject(sequence, calibrate)
 
 
+class TooLate(Exception):
+    """The run was over before it could be disturbed."""
+
+
 @dataclass
 class Bench:
     """What all faults share: the data set, and what a run of it comes to."""
@@ -60,7 +65,7 @@ class Bench:
     manifest: Path
     rng: random.Random
     wanted: Any = None
-    seconds: float = 0.0
+    files: int = 0
 
     def command(self, out: str, *more: str) -> list[str]:
         """The command that is disturbed."""
@@ -87,9 +92,25 @@ class Bench:
             print(f"    again, after: {said.strip().splitlines()[-1:]}")
         raise SystemExit(f"not finished after {_MOST} times")
 
-    def moment(self) -> float:
-        """A random time of an undisturbed run [s]."""
-        return self.rng.uniform(0.1, 1.0) * self.seconds
+    def done(self, out: str) -> int:
+        """Files of a run that are there: subjects' hands and recordings."""
+        store = Store(out)
+        return len(store.names("hands")) + len(store.names("recordings"))
+
+    def moment(self, run: subprocess.Popen[str], out: str) -> str:
+        """Wait until a random share of a run is done; its words.
+
+        Raises:
+            TooLate: the run was over before.
+        """
+        wanted = self.rng.randrange(self.files)
+        while (done := self.done(out)) < wanted and run.poll() is None:
+            time.sleep(0.02)
+        # between two files too, and while the workers start
+        time.sleep(self.rng.uniform(0.0, 0.2 if wanted else 3.0))
+        if run.poll() is not None:
+            raise TooLate
+        return f"at {done} of {self.files} files"
 
     def _difference(self, table: Any) -> str:
         """The first of what differs."""
@@ -135,97 +156,75 @@ def children(pid: int) -> list[int]:
 def kill_client(bench: Bench, out: str) -> str:
     """The client, which here holds the scheduler too, is killed."""
     run = bench.start(out)
-    moment = bench.moment()
-    time.sleep(moment)
+    moment = bench.moment(run, out)
     run.send_signal(signal.SIGKILL)
-    run.wait()
-    return f"killed at {moment:.1f} s"
+    if run.wait() == 0:
+        raise TooLate
+    return f"killed {moment}"
 
 
 def interrupt(bench: Bench, out: str) -> str:
     """Ctrl-C."""
     run = bench.start(out)
-    moment = bench.moment()
-    time.sleep(moment)
+    moment = bench.moment(run, out)
     run.send_signal(signal.SIGINT)
     begun = time.monotonic()
     said = run.communicate()[0].strip().splitlines()
     took = time.monotonic() - begun
-    return (
-        f"interrupted at {moment:.1f} s, ended {took:.1f} s later ({run.returncode}): {said[-2:]}"
-    )
+    if run.returncode == 0:
+        raise TooLate
+    return f"interrupted {moment}, ended {took:.1f} s later ({run.returncode}): {said[-2:]}"
 
 
 def kill_worker(bench: Bench, out: str) -> str:
     """A worker is killed; the run itself goes on."""
     run = bench.start(out)
-    until = time.monotonic() + 2 * bench.seconds
-    moment = bench.moment()
-    time.sleep(moment)
-    while time.monotonic() < until and run.poll() is None:
+    moment = bench.moment(run, out)
+    killed = False
+    while not killed and run.poll() is None:
         there = children(run.pid)
         if there:
             with suppress(ProcessLookupError):
                 os.kill(bench.rng.choice(there), signal.SIGKILL)
-            break
-        time.sleep(0.05)
+                killed = True
+        time.sleep(0.02)
     said = run.communicate()[0].strip().splitlines()
-    return f"killed at {moment:.1f} s, the run ended with {run.returncode}: {said[-1:]}"
-
-
-@contextmanager
-def cluster(workers: int = 2) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
-    """`dask scheduler` and some `dask worker` on loopback: the address, and the scheduler."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    address = f"tcp://127.0.0.1:{port}"
-    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    dask = [sys.executable, "-m", "dask"]
-    environment = os.environ | {
-        "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0",
-        "NUMBA_NUM_THREADS": "1",
-    }
-    place = ["--host", "127.0.0.1", "--no-dashboard"]
-    scheduler = subprocess.Popen(
-        [*dask, "scheduler", *place, "--port", str(port)], env=environment, **quiet
-    )
-    local = tempfile.gettempdir()
-    started = [
-        subprocess.Popen(
-            [
-                *(*dask, "worker", address, *place, "--nthreads", "1"),
-                *("--local-directory", f"{local}/handtrack-dask-{port}", "--death-timeout", "30"),
-            ],
-            env=environment,
-            **quiet,
-        )
-        for _ in range(workers)
-    ]
-    try:
-        yield address, scheduler
-    finally:
-        for process in (*started, scheduler):
-            process.terminate()
-        for process in (*started, scheduler):
-            try:
-                process.wait(10)
-            except subprocess.TimeoutExpired:
-                process.kill()
-        shutil.rmtree(f"{local}/handtrack-dask-{port}", ignore_errors=True)
+    if not killed:
+        raise TooLate
+    return f"killed {moment}, the run ended with {run.returncode}: {said[-1:]}"
 
 
 def kill_scheduler(bench: Bench, out: str) -> str:
     """The scheduler of a cluster is killed."""
     with cluster() as (address, scheduler):
         run = bench.start(out, "--scheduler", address)
-        moment = bench.moment()
-        time.sleep(moment)
+        moment = bench.moment(run, out)
         scheduler.kill()
         begun = time.monotonic()
         said = run.communicate()[0].strip().splitlines()
         took = time.monotonic() - begun
-    return f"killed at {moment:.1f} s, told {took:.1f} s later ({run.returncode}): {said[-1:]}"
+        if run.returncode == 0:
+            raise TooLate
+    return f"killed {moment}, told {took:.1f} s later ({run.returncode}): {said[-1:]}"
+
+
+def elsewhere(bench: Bench, out: str) -> str:
+    """A scheduler and two workers that are there already."""
+    with cluster() as (address, _):
+        run = bench.start(out, "--scheduler", address)
+        said = run.communicate()[0].strip().splitlines()
+    return f"ended with {run.returncode}: {said[-1:]}"
+
+
+def other_version(bench: Bench, out: str) -> str:
+    """One of two workers has another version."""
+    preload = bench.work / "older.py"
+    preload.write_text("import handtrack\n\nhandtrack.__version__ = '0.0.1'\n")
+    with cluster(1) as (address, _), workers(address, 1, preload):
+        run = bench.start(out, "--scheduler", address)
+        said = run.communicate()[0].strip().splitlines()
+    fine = run.returncode == 2 and "0.0.1" in said[-1]
+    return f"{'' if fine else 'WRONG: '}ended with {run.returncode}: {said[-1:]}"
 
 
 def full_disk(bench: Bench, out: str) -> str:
@@ -246,6 +245,8 @@ KINDS: dict[str, Callable[[Bench, str], str]] = {
     "scheduler": kill_scheduler,
     "interrupt": interrupt,
     "disk": full_disk,
+    "cluster": elsewhere,
+    "version": other_version,
 }
 
 
@@ -269,97 +270,27 @@ def poisoned(bench: Bench) -> str:
     return f"{outcome.failed[0][1] if outcome.failed else ''} -> {verdict}"
 
 
-@contextmanager
-def s3(port: int) -> Iterator[Proxy]:
-    """An S3 server on loopback behind a door that can be shut."""
-    from moto.server import ThreadedMotoServer
-
-    server = ThreadedMotoServer(ip_address="127.0.0.1", port=port, verbose=False)
-    server.start()
-    door = Proxy(port)
-    os.environ |= {
-        "AWS_ACCESS_KEY_ID": "nobody",
-        "AWS_SECRET_ACCESS_KEY": "nothing",
-        "AWS_DEFAULT_REGION": "us-east-1",
-        "AWS_ENDPOINT_URL": f"http://127.0.0.1:{door.port}",
-    }
-    try:
-        yield door
-    finally:
-        door.shut()
-        server.stop()
-
-
-class Proxy:
-    """Passes connections on to a port, while it is open.
-
-    Attributes:
-        port: its own.
-    """
-
-    def __init__(self, to: int) -> None:
-        self._to, self.port = to, 0
-        self._open: list[socket.socket] = []
-        self._listener: socket.socket | None = None
-        self.open()
-
-    def open(self) -> None:
-        """Let connections in."""
-        listener = socket.create_server(("127.0.0.1", self.port))
-        self.port, self._listener = listener.getsockname()[1], listener
-        threading.Thread(target=self._accept, args=(listener,), daemon=True).start()
-
-    def shut(self) -> None:
-        """End all connections, and let none in."""
-        if self._listener is not None:
-            with suppress(OSError):
-                self._listener.shutdown(socket.SHUT_RDWR)
-            self._listener.close()
-        for one in self._open:
-            with suppress(OSError):
-                one.shutdown(socket.SHUT_RDWR)
-            one.close()
-        self._open, self._listener = [], None
-
-    def _accept(self, listener: socket.socket) -> None:
-        with suppress(OSError):
-            while True:
-                one, _ = listener.accept()
-                other = socket.create_connection(("127.0.0.1", self._to))
-                self._open += [one, other]
-                for a, b in ((one, other), (other, one)):
-                    threading.Thread(target=_passed, args=(a, b), daemon=True).start()
-
-
-def _passed(a: socket.socket, b: socket.socket) -> None:
-    with suppress(OSError):
-        while data := a.recv(65536):
-            b.sendall(data)
-    with suppress(OSError):
-        b.shutdown(socket.SHUT_WR)
-
-
 def vanishing_store(bench: Bench) -> str:
     """The store cannot be reached from the middle of the run on; later it can."""
     import fsspec
 
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    with s3(port) as door:
+    out = "s3://results/out"
+    with s3(free_port()) as door:
         fsspec.filesystem("s3").mkdir("results")
-        run = bench.start("s3://results/out")
-        moment = bench.moment() + 2
-        time.sleep(moment)
+        run = bench.start(out)
+        moment = bench.moment(run, out)
         door.shut()
+        begun = time.monotonic()
         said = run.communicate()[0].strip().splitlines()
+        took = time.monotonic() - begun
         door.open()
-        fsspec.filesystem("s3").clear_instance_cache()
-        time.sleep(1)
-        # the lock of a run that could not give it back counts as long as its process is there
-        times = bench.finish("s3://results/out")
-        verdict = bench.same("s3://results/out")
-    return f"shut at {moment:.1f} s ({run.returncode}: {said[-1:]}), again {times} x -> {verdict}"
+        fsspec.get_filesystem_class("s3").clear_instance_cache()
+        times = bench.finish(out)
+        verdict = bench.same(out)
+    return (
+        f"shut {moment}, ended {took:.1f} s later ({run.returncode}: {said[-1:]}), again"
+        f" {times} x -> {verdict}"
+    )
 
 
 def main() -> None:
@@ -378,24 +309,28 @@ def main() -> None:
     calm = str(given.work / "undisturbed")
     shutil.rmtree(calm, ignore_errors=True)
     bench.finish(calm)
-    bench.wanted = read_table(Store(calm))
+    bench.wanted, bench.files = read_table(Store(calm)), bench.done(calm)
     shutil.rmtree(calm)
-    begun = time.monotonic()
     bench.finish(calm)
-    bench.seconds = time.monotonic() - begun
-    print(f"undisturbed: {bench.seconds:.1f} s, twice {bench.same(calm)}", flush=True)
+    print(f"undisturbed, twice: {bench.same(calm)}", flush=True)
     wrong = 0
     for kind in given.only or [*KINDS, "poison", "store"]:
-        for i in range(
-            given.times if kind in ("client", "worker", "scheduler", "interrupt") else 1
-        ):
-            if kind in KINDS:
-                said = disturbed(bench, kind, i)
-            else:
-                said = poisoned(bench) if kind == "poison" else vanishing_store(bench)
+        for i in range(given.times if kind in AGAIN else 1):
+            said = _one(bench, kind, i)
             print(f"{kind} {i + 1}: {said}", flush=True)
             wrong += "WRONG" in said
     sys.exit(1 if wrong else 0)
+
+
+def _one(bench: Bench, kind: str, number: int) -> str:
+    for _ in range(_MOST):
+        try:
+            if kind in KINDS:
+                return disturbed(bench, kind, number)
+            return poisoned(bench) if kind == "poison" else vanishing_store(bench)
+        except TooLate:
+            print("    too late, tried again", flush=True)
+    return "WRONG: never in time"
 
 
 def disturbed(bench: Bench, kind: str, number: int) -> str:
