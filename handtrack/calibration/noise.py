@@ -21,6 +21,8 @@ _FEW = 0.2
 """Share of joints that may be strays."""
 # of what bones show of the noise, an estimate may be so much off
 _ALLOWED = 1.2
+# frames looked at together, so that sums over windows stay in the cache
+_ROWS = 1000
 # median of a squared normal deviate
 _MEDIAN = 0.4549
 
@@ -107,25 +109,44 @@ def _parabolas(time_ns: NDArray[np.int64], joints: Array, window: int) -> tuple[
         (T, 21, 3), NaN where missing; the joint as it is where too few are around it; and
         (T, 21) the share of the noise's variance that is left.
     """
-    n, half = len(joints), window // 2
+    half = window // 2
+    tick = float(np.median(np.diff(time_ns)))
+    out, share = np.empty(joints.shape), np.empty(joints.shape[:2])
+    for begin in range(0, len(joints), _ROWS):
+        part = slice(begin, min(begin + _ROWS, len(joints)))
+        around = slice(max(begin - half, 0), part.stop + half)
+        inner = slice(begin - around.start, part.stop - around.start)
+        ticks = (time_ns[around] - time_ns[begin]) / tick
+        out[part], share[part] = _some_parabolas(ticks, joints[around], half, inner)
+    return out, share
+
+
+def _some_parabolas(ticks: Array, joints: Array, half: int, inner: slice) -> tuple[Array, Array]:
+    """As `_parabolas` of the frames `inner`, of which (n,) frames around them tell."""
+    n = len(joints)
     seen = np.isfinite(joints[..., 0])
     values = np.where(seen[..., None], joints, 0.0)
-    tick = float(np.median(np.diff(time_ns)))
-    normal = np.zeros((*seen.shape, 3, 3))
-    right = np.zeros((*seen.shape, 3, 3))
-    count = np.zeros(seen.shape)
+    weights = seen.astype(np.float64)
+    # sums over the window of x^k, k = 0..4, and of x^k value, k = 0..2
+    x_sums = np.zeros((5, *weights.shape))
+    value_sums = np.zeros((3, *values.shape))
     for shift in range(-half, half + 1):
-        here = np.arange(max(0, -shift), min(n, n - shift))
-        there = here + shift
-        x = (time_ns[there] - time_ns[here]) / tick
+        here = slice(max(inner.start, -shift), min(inner.stop, n - shift))
+        there = slice(here.start + shift, here.stop + shift)
+        x = ticks[there] - ticks[here]
         # a pause is no neighbourhood
-        w = seen[there] * (np.abs(x) <= half + 0.5)[:, None]
-        powers = x[:, None] ** np.arange(3)
-        normal[here] += w[..., None, None] * (powers[:, :, None] * powers[:, None])[:, None]
-        right[here] += w[..., None, None] * powers[:, None, :, None] * values[there][:, :, None, :]
-        count[here] += w
-    enough = seen & (count >= half + 2)
-    normal[~enough] = np.eye(3)
-    inverse = np.linalg.inv(normal)
-    out = np.where(enough[..., None], (inverse[..., :1, :] @ right)[..., 0, :], joints)
-    return out, np.where(enough, inverse[..., 0, 0], np.where(seen, 1.0 - 1e-9, np.nan))
+        near = np.abs(x) <= half + 0.5
+        for k in range(5):
+            power = np.where(near, x**k, 0.0)[:, None]
+            x_sums[k, here] += power * weights[there]
+            if k < 3:
+                value_sums[k, here] += power[..., None] * values[there]
+    seen, joints = seen[inner], joints[inner]
+    s, right = x_sums[:, inner], value_sums[:, inner]
+    enough = seen & (s[0] >= half + 2)
+    # the first row of the inverse of the normal equations' matrix, by its cofactors
+    first = (s[2] * s[4] - s[3] ** 2, s[2] * s[3] - s[1] * s[4], s[1] * s[3] - s[2] ** 2)
+    size = np.where(enough, s[0] * first[0] + s[1] * first[1] + s[2] * first[2], 1.0)
+    middle = sum(f[..., None] * right[k] for k, f in enumerate(first)) / size[..., None]
+    share = np.where(enough, first[0] / size, np.where(seen, 1.0 - 1e-9, np.nan))
+    return np.where(enough[..., None], middle, joints), share

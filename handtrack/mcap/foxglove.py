@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -10,12 +11,12 @@ from numpy.typing import NDArray
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import matrix_to_quaternion
 from handtrack.hand.skeleton import ANGLE_NAMES, N_ANGLES, N_PARTS, PART_JOINT, PART_NAMES
+from handtrack.mcap.frames import Rows, Times
 from handtrack.mcap.hand import text
 from handtrack.mcap.layout import Layout, tag, timestamps, varint
 from handtrack.mcap.schema import message_class
 
 Array = NDArray[np.float64]
-Times = NDArray[np.uint64]
 
 _FLOAT32 = 7  # foxglove.PackedElementField.FLOAT32
 SKIN = (226, 178, 148)
@@ -25,7 +26,7 @@ _LOG_LEVEL = {"info": 2, "warning": 3}
 _PART_PARENT = np.array([0] + [0 if i == 0 else 3 * f + i for f in range(5) for i in range(3)])
 
 
-def cloud_messages(times: Times, points: Array, frame_id: str = "world") -> list[bytes]:
+def cloud_rows(times: Times, points: Array, frame_id: str = "world") -> Rows:
     """foxglove.PointCloud of each frame, with no points where no point is finite.
 
     Args:
@@ -38,14 +39,12 @@ def cloud_messages(times: Times, points: Array, frame_id: str = "world") -> list
     for i, axis in enumerate("xyz"):
         element = Layout().field(1, axis.encode()).fixed32(2, 4 * i).varint(3, _FLOAT32)
         head.field(5, element)
-    heads = head.rows(len(times), **timestamps(times))
+    begun = head.size
     with np.errstate(over="ignore", invalid="ignore"):
         data = np.ascontiguousarray(points, "<f4")
-    data_tag = tag(6, 2) + varint(data[:1].nbytes)
-    return [
-        start.tobytes() + data_tag + frame.tobytes() if any_seen else start.tobytes()
-        for start, frame, any_seen in zip(heads, data, known_rows(data).tolist(), strict=True)
-    ]
+    head.numbers(6, "points", math.prod(points.shape[1:]), 4)
+    rows = head.rows(len(times), **timestamps(times), points=data)
+    return Rows(rows, np.where(known_rows(data), head.size, begun))
 
 
 def known_rows(points: NDArray[np.floating]) -> NDArray[np.bool_]:
@@ -75,8 +74,8 @@ class TransformEncoder:
             transform = _transform(names[parent] if part else topic, name, fixed, str(part))
             self._layout.field(1, transform)
 
-    def messages(self, times: Times, states: Any, frames: slice) -> list[bytes | None]:
-        """One message a frame of the filtered pose; None where there is no pose."""
+    def rows(self, times: Times, states: Any, frames: slice) -> Rows:
+        """One message a frame of the filtered pose; none where there is no pose."""
         angles, quaternion = states.angles[frames], states.quaternion[frames]
         translation = states.translation[frames]
         known = np.asarray(np.isfinite(np.hstack([angles, quaternion, translation])).all(1))
@@ -86,8 +85,7 @@ class TransformEncoder:
             local = matrix_to_quaternion(np.swapaxes(parents, -1, -2) @ rotations)
         values = {str(part): tagged(_xyzw(local[:, part])) for part in range(N_PARTS)}
         values |= {"root": tagged(_xyzw(quaternion)), "translation": tagged(translation)}
-        rows = self._layout.rows(len(times), **timestamps(times), **values)
-        return [row.tobytes() if ok else None for row, ok in zip(rows, known.tolist(), strict=True)]
+        return Rows.whole(self._layout.rows(len(times), **timestamps(times), **values), known)
 
 
 def _transform(parent: str, child: str, translation: Layout, rotation: str) -> Layout:
@@ -128,7 +126,7 @@ class SceneEncoder:
         self._layout = Layout().field(2, entity.field(12, triangles))
         self._gone = Layout().field(1, Layout().timestamp(1).field(3, topic.encode()))
 
-    def messages(self, times: Times, vertices: NDArray[np.float64]) -> list[bytes]:
+    def rows(self, times: Times, vertices: NDArray[np.float64]) -> Rows:
         """One message a frame; where the skin is not known, the entity's deletion.
 
         Args:
@@ -140,15 +138,14 @@ class SceneEncoder:
         points[..., :2] = np.frombuffer(tag(2, 2) + varint(_POINT - 2), np.uint8)
         points[..., 2:] = tagged(vertices.reshape(-1, 3)).reshape(n, count, _POINT - 2)
         stamps = timestamps(times)
-        shown = self._layout.rows(n, **stamps, points=points)
-        gone = self._gone.rows(n, **stamps)
         known = known_rows(vertices)
-        return [
-            (a if ok else b).tobytes() for a, b, ok in zip(shown, gone, known.tolist(), strict=True)
-        ]
+        gone = self._gone.rows(n, **stamps)
+        tails = [b"" if ok else row.tobytes() for row, ok in zip(gone, known.tolist(), strict=True)]
+        shown = self._layout.rows(n, **stamps, points=points)
+        return Rows(shown, np.where(known, self._layout.size, 0), tails)
 
 
-def joint_state_messages(times: Times, angles: Array) -> list[bytes]:
+def joint_state_rows(times: Times, angles: Array) -> Rows:
     """ROS 2 sensor_msgs/msg/JointState of each frame, in little-endian CDR.
 
     Args:
@@ -170,9 +167,9 @@ def joint_state_messages(times: Times, angles: Array) -> list[bytes]:
         len(times),
         seconds=seconds,
         nanos=(times % billion).astype("<u4"),
-        position=angles.astype("<f8"),
+        position=np.asarray(angles, "<f8"),
     )
-    return [row.tobytes() for row in rows]
+    return Rows.whole(rows)
 
 
 def _cdr_string(value: str) -> bytes:

@@ -18,6 +18,7 @@ from handtrack.hand.mano_pose import to_mano
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.hand.skeleton import N_JOINTS, Hand
+from handtrack.mcap.frames import Rows
 from handtrack.mcap.hand import Event, Head
 from handtrack.mcap.layout import Layout, tag, varint
 from handtrack.mcap.schema import array_class
@@ -221,6 +222,11 @@ _BLOCK = 1024  # frames decoded at a time
 
 
 def encode_states(states: Any, frames: slice, model: HandModel) -> list[bytes]:
+    """handtrack.State of each frame, as `state_rows`."""
+    return [data for data in state_rows(states, frames, model).messages() if data is not None]
+
+
+def state_rows(states: Any, frames: slice, model: HandModel) -> Rows:
     """handtrack.State of each frame.
 
     Args:
@@ -230,27 +236,26 @@ def encode_states(states: Any, frames: slice, model: HandModel) -> list[bytes]:
     """
     layout = Layout().number(1, "time_ns").number(2, "frame_index")
     values: dict[str, NDArray[np.generic]] = {
-        "time_ns": states.time_ns[frames].astype("<i8"),
-        "frame_index": states.frame_index[frames].astype("<i8"),
-        "objective": states.objective[frames].astype("<f8"),
-        "sweeps": states.iterations[frames].astype("<i8"),
+        "time_ns": np.asarray(states.time_ns[frames], "<i8"),
+        "frame_index": np.asarray(states.frame_index[frames], "<i8"),
+        "objective": np.asarray(states.objective[frames], "<f8"),
+        "sweeps": np.asarray(states.iterations[frames], "<i8"),
     }
     for of in ARRAYS:
         array = getattr(states, of.name)
         if array is not None:
             layout.numbers(of.number, of.name, of.size)
-            values[of.name] = array[frames].astype("<f8")
+            values[of.name] = np.asarray(array[frames], "<f8")
     if model.licensed:
         for number, name, array in _mano(states, frames, model):
             layout.numbers(number, name, array.shape[1])
-            values[name] = array.astype("<f8")
+            values[name] = np.asarray(array, "<f8")
     layout.number(15, "objective").number(16, "sweeps")
-    status, reason = states.status[frames], states.reason[frames]
+    status, reason = states.status[frames].tolist(), states.reason[frames].tolist()
+    known = {s: _text_field(17, s) for s in set(status)}
+    tails = [known[s] + _text_field(18, r) for s, r in zip(status, reason, strict=True)]
     rows = layout.rows(len(status), **values)
-    return [
-        row.tobytes() + _text_field(17, s) + _text_field(18, r)
-        for row, s, r in zip(rows, status.tolist(), reason.tolist(), strict=True)
-    ]
+    return Rows.whole(rows)._replace(tails=tails)
 
 
 def _mano(states: Any, frames: slice, model: HandModel) -> list[tuple[int, str, Array]]:

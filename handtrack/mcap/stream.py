@@ -9,10 +9,13 @@ from __future__ import annotations
 
 import struct
 import zlib
+from bisect import bisect_left
 from typing import IO, TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from handtrack.mcap.frames import MESSAGE, Frames
 from handtrack.mcap.walk import MAGIC
 
 if TYPE_CHECKING:
@@ -20,7 +23,7 @@ if TYPE_CHECKING:
 
 CHUNK_NS = 1_000_000_000
 
-_MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log and publish time
+_MESSAGE = struct.Struct("<BQHIQQ")  # as `frames.HEAD`
 _CHUNK = struct.Struct("<BQQQQI")  # opcode, length, first and last time, size, checksum
 _INDEX = struct.Struct("<BQHI")  # opcode, length, channel, bytes of entries
 
@@ -57,10 +60,11 @@ class McapStream:
         """Messages of each channel in the chunks that were written."""
         self.bytes: dict[int, int] = {}
         """Bytes of all messages of each channel, before compression."""
-        self._parts: list[bytes] = []
+        self._parts: list[bytes | memoryview] = []
         self._size = 0
-        self._entries: dict[int, list[tuple[int, int]]] = {}
+        self._entries: dict[int, list[tuple[int, int] | NDArray[np.uint64]]] = {}
         self._first = self._last = 0
+        self._reach = (0, 0)
         self._put(MAGIC)
         self._put(_record(Header("", "handtrack")))
 
@@ -103,24 +107,52 @@ class McapStream:
 
     def message(self, channel: int, time: int, sequence: int, data: bytes) -> None:
         """Add a message with its log time [ns]."""
+        self._at(time)
+        self._reach = min(self._reach[0], time), max(self._reach[1], time)
+        self._last = time
+        self.bytes[channel] += len(data)
+        self._entries.setdefault(channel, []).append((time, self._size))
+        length = _MESSAGE.size - 9 + len(data)
+        self._parts.append(_MESSAGE.pack(MESSAGE, length, channel, sequence, time, time))
+        self._add(data)
+        self._size += _MESSAGE.size
+
+    def frames(self, frames: Frames, begin: int, end: int) -> None:
+        """Add the messages of some frames, `begin` and those after it, before `end`."""
+        times, starts = frames.times, frames.starts
+        data = memoryview(frames.data)
+        while begin < end:
+            self._at(times[begin])
+            # those that this chunk has room for
+            room = starts[begin] + self._chunk_bytes - self._size
+            stop = bisect_left(starts, room, begin + 1, end)
+            stop = bisect_left(times, self._first + self._chunk_ns, begin + 1, stop)
+            while stop < end and times[stop] == times[stop - 1]:
+                stop += 1
+            moved = np.array([0, self._size - starts[begin]], np.int64).astype(np.uint64)
+            for channel, every, there, before in frames.places:
+                entries = every[begin:stop]
+                if there is not None:
+                    entries = entries[there[begin:stop]]
+                if len(entries):
+                    self._entries.setdefault(channel, []).append(entries + moved)
+                self.bytes[channel] += before[stop] - before[begin]
+            self._add(data[starts[begin] : starts[stop]])
+            self._last = times[stop - 1]
+            self._reach = min(self._reach[0], times[begin]), max(self._reach[1], self._last)
+            begin = stop
+
+    def _at(self, time: int) -> None:
+        """Begin a chunk before a message of that time, if the one that is open is full."""
         if time != self._last and self._entries:
             late = abs(time - self._first) >= self._chunk_ns
             if late or self._size >= self._chunk_bytes:
                 self.flush()
         if not self._entries:
             self._first = time
-        self._last = time
-        self.bytes[channel] += len(data)
-        entry = (time, self._size)
-        if channel in self._entries:
-            self._entries[channel].append(entry)
-        else:
-            self._entries[channel] = [entry]
-        self._parts.append(_MESSAGE.pack(5, 22 + len(data), channel, sequence, time, time))
-        self._add(data)
-        self._size += _MESSAGE.size
+            self._reach = (time, time)
 
-    def _add(self, data: bytes) -> None:
+    def _add(self, data: bytes | memoryview) -> None:
         self._parts.append(data)
         self._size += len(data)
 
@@ -132,8 +164,7 @@ class McapStream:
             return
         body = b"".join(self._parts)
         packed = _compress(body, self._compression)
-        times = [time for entries in self._entries.values() for time, _ in entries]
-        start, end = min(times), max(times)
+        start, end = self._reach
         name = "" if self._compression == "none" else self._compression
         tail = struct.pack("<I", len(name)) + name.encode() + struct.pack("<Q", len(packed))
         length = _CHUNK.size - 9 + len(tail) + len(packed)
@@ -141,13 +172,15 @@ class McapStream:
         chunk_at = self._position
         index_at, offsets = chunk_at + len(head) + len(packed), {}
         indexes = bytearray()
+        counts = {}
         for channel, entries in self._entries.items():
             offsets[channel] = index_at + len(indexes)
-            data = np.array(entries, "<u8").tobytes()
+            rows = np.concatenate([np.asarray(e, "<u8").reshape(-1, 2) for e in entries])
+            counts[channel], data = len(rows), rows.tobytes()
             indexes += _INDEX.pack(7, 6 + len(data), channel, len(data)) + data
         self._put(head + packed + indexes)
-        for channel, entries in self._entries.items():
-            self.counts[channel] += len(entries)
+        for channel, count in counts.items():
+            self.counts[channel] += count
         self._stream.flush()
         index = ChunkIndex(
             message_start_time=start,

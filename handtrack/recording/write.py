@@ -8,6 +8,7 @@ from __future__ import annotations
 import heapq
 import json
 import os
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import IO
@@ -20,10 +21,11 @@ from handtrack.errors import SettingsError
 from handtrack.files.whole import whole_file
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.mcap import foxglove
+from handtrack.mcap.frames import Frames, Rows, Times
 from handtrack.mcap.hand import Event, Head, encode_event, encode_hand, hand_topics, text
 from handtrack.mcap.hands import METADATA
 from handtrack.mcap.schema import JOINT_STATE_NAME, JOINT_STATE_ROS2, descriptor_set
-from handtrack.mcap.state import encode_states
+from handtrack.mcap.state import state_rows
 from handtrack.mcap.stream import McapStream
 from handtrack.recording.settings import MeshChoice, RecordingSettings
 from handtrack.recording.summary import SUMMARY, HandSummary, summary_record
@@ -50,8 +52,8 @@ _TOPICS = {
     "log": "foxglove.Log",
 }
 
-Message = tuple[int, int, int, int, bytes]
-"""log time, hand, sequence number, channel, data"""
+Source = tuple[int, Iterator[Frames]]
+"""A hand's number, and messages of it in order of time."""
 
 
 def write_mcap(
@@ -109,7 +111,7 @@ def _write(stream: IO[bytes], tracks: Sequence[Track], contents: RecordingSettin
     first = min([*starts, *(e.time_ns for t in tracks for e in t.events)], default=0)
     writer = RecordingWriter(stream, [(t.name, t.hand) for t in tracks], first, contents)
     hands = [writer.hand(i, track.head, first) for i, track in enumerate(tracks)]
-    writer.add([m for hand, track in zip(hands, tracks, strict=True) for m in hand.messages(track)])
+    writer.add([s for hand, track in zip(hands, tracks, strict=True) for s in hand.messages(track)])
     for hand, track in zip(hands, tracks, strict=True):
         hand.summary.add(track)
     writer.finish()
@@ -183,10 +185,31 @@ class RecordingWriter:
             self._schemas[schema] = self.stream.schema(schema, encoding, data)
         return self.stream.channel(topic, "cdr" if ros2 else "protobuf", self._schemas[schema])
 
-    def add(self, sources: Sequence[Iterator[Message]]) -> None:
-        """Write messages, from sources that are each in order of time."""
-        for time, _, sequence, channel, data in heapq.merge(*sources, key=lambda m: m[:2]):
-            self.stream.message(channel, time, sequence & 0xFFFFFFFF, data)
+    def add(self, sources: Sequence[Source]) -> None:
+        """Write messages of sources that are each in order of time: by time, where times are equal
+        by hand, and then in the order of the sources."""
+        queue: list[tuple[int, int, int, int, Frames]] = []
+        rest = [frames for _, frames in sources]
+
+        def put(frames: Frames | None, begin: int, hand: int, source: int) -> None:
+            if frames is not None and begin == len(frames):
+                frames, begin = None, 0
+            frames = next(rest[source], None) if frames is None else frames
+            if frames is not None:
+                heapq.heappush(queue, (frames.times[begin], hand, source, begin, frames))
+
+        for source, (hand, _) in enumerate(sources):
+            put(None, 0, hand, source)
+        while queue:
+            _, hand, source, begin, frames = heapq.heappop(queue)
+            end = len(frames)
+            if queue:
+                # all that comes before the first of the other sources
+                time, *other = queue[0][:3]
+                before = bisect_right if [hand, source] < other else bisect_left
+                end = before(frames.times, time, begin + 1, end)
+            self.stream.frames(frames, begin, end)
+            put(frames, end, hand, source)
 
     def finish(self) -> None:
         """Write what is left, the summary and the index."""
@@ -223,7 +246,7 @@ class HandWriter:
         self._before = ("fitted", "")
         self._last_ns: int | None = None
 
-    def messages(self, part: Part) -> Sequence[Iterator[Message]]:
+    def messages(self, part: Part) -> list[Source]:
         """All of the next frames, each source in order of time.
 
         Raises:
@@ -245,70 +268,63 @@ class HandWriter:
         if len(part):
             self._last_ns = int(times[-1])
             self._before = (str(part.status[-1]), str(part.reason[-1]))
-        return sources
+        return [(self._index, source) for source in sources]
+
+    def _happened(self, events: Sequence[Event]) -> Iterator[Frames]:
+        first, self._events = self._events, self._events + len(events)
+        order = sorted(range(len(events)), key=lambda i: events[i].time_ns)
+        data = [encode_event(events[i]) for i in order]
+        times = [self._log_time(events[i].time_ns) for i in order]
+        yield from self._said("event", times, [first + i for i in order], data)
+
+    def _log(self, lines: Sequence[Event]) -> Iterator[Frames]:
+        first, self._lines = self._lines, self._lines + len(lines)
+        times = [self._log_time(line.time_ns) for line in lines]
+        data = [
+            foxglove.log_message(time, line.level, line.text, self._topic)
+            for time, line in zip(times, lines, strict=True)
+        ]
+        yield from self._said("log", times, range(first, self._lines), data)
 
     def _log_time(self, time_ns: int) -> int:
         # what is said of a time before the first stands at the first
         return max(time_ns - self._offset, 0)
 
-    def _happened(self, events: Sequence[Event]) -> Iterator[Message]:
-        first, self._events = self._events, self._events + len(events)
-        return (
-            (
-                self._log_time(event.time_ns),
-                self._index,
-                first + i,
-                self.channel["event"],
-                encode_event(event),
-            )
-            for i, event in sorted(enumerate(events), key=lambda pair: pair[1].time_ns)
-        )
+    def _said(
+        self, name: str, times: list[int], numbers: Sequence[int], data: list[bytes]
+    ) -> Iterator[Frames]:
+        """Messages of one channel, if there are any."""
+        if data:
+            columns = {self.channel[name]: Rows.of(data)}
+            yield Frames(np.array(times, np.uint64), np.array(numbers, np.uint64), columns)
 
-    def _log(self, lines: Sequence[Event]) -> Iterator[Message]:
-        first, self._lines = self._lines, self._lines + len(lines)
-        for i, line in enumerate(lines, first):
-            time = self._log_time(line.time_ns)
-            data = foxglove.log_message(time, line.level, line.text, self._topic)
-            yield time, self._index, i, self.channel["log"], data
-
-    def _states(self, part: Part, first: int) -> Iterator[Message]:
+    def _states(self, part: Part, first: int) -> Iterator[Frames]:
         for start in range(0, len(part), BATCH):
             frames = slice(start, start + BATCH)
             # modulo 2^64, so right for every pair of int64
             times = part.time_ns[frames].astype(np.uint64) - np.uint64(self._offset % 2**64)
-            columns: dict[str, Sequence[bytes | None]] = {
-                "state": encode_states(part, frames, self._model),
-                "observed": foxglove.cloud_messages(times, part.observed[frames]),
-                "fitted": foxglove.cloud_messages(times, part.fitted_joints[frames]),
-                "transforms": self._transforms.messages(times, part, frames),
-                "joint_states": foxglove.joint_state_messages(times, part.angles[frames]),
+            columns = {
+                "state": state_rows(part, frames, self._model),
+                "observed": foxglove.cloud_rows(times, part.observed[frames]),
+                "fitted": foxglove.cloud_rows(times, part.fitted_joints[frames]),
+                "transforms": self._transforms.rows(times, part, frames),
+                "joint_states": foxglove.joint_state_rows(times, part.angles[frames]),
             }
             if "mesh" in self.channel:
                 columns |= self._skins(times, part, first, start)
-            channels = [self.channel[name] for name in columns]
-            for i, (time, *row) in enumerate(
-                zip(times.tolist(), *columns.values(), strict=True), first + start
-            ):
-                for channel, data in zip(channels, row, strict=True):
-                    if data is not None:
-                        yield time, self._index, i, channel, data
+            by_channel = {self.channel[name]: rows for name, rows in columns.items()}
+            numbers = np.arange(first + start, first + start + len(times), dtype=np.uint64)
+            yield Frames(times, numbers, by_channel)
 
-    def _skins(
-        self, times: foxglove.Times, part: Part, first: int, start: int
-    ) -> dict[str, list[bytes | None]]:
-        """The skin's messages of a batch; None for frames without."""
+    def _skins(self, times: Times, part: Part, first: int, start: int) -> dict[str, Rows]:
+        """The skin's messages of a batch; none for frames without."""
         picked = np.arange(-(first + start) % self._mesh.every, len(times), self._mesh.every)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             vertices = self._mesh.rounded(self._vertices(part, picked + start))
-            made = {"mesh": foxglove.cloud_messages(times[picked], vertices)}
+            made = {"mesh": foxglove.cloud_rows(times[picked], vertices)}
             if self._scene is not None:
-                made["skin"] = self._scene.messages(times[picked], vertices)
-        out: dict[str, list[bytes | None]] = {}
-        for name, messages in made.items():
-            out[name] = [None] * len(times)
-            for i, data in zip(picked.tolist(), messages, strict=True):
-                out[name][i] = data
-        return out
+                made["skin"] = self._scene.rows(times[picked], vertices)
+        return {name: rows.among(len(times), picked) for name, rows in made.items()}
 
     def _vertices(self, part: Part, frames: NDArray[np.int64]) -> NDArray[np.float64]:
         """(n, V, 3) skin of some frames, as recorded or as the model has it."""
