@@ -22,6 +22,7 @@ from handtrack.sequences.readers.landmark_lines import LandmarkLines, is_text_li
 from handtrack.sequences.readers.missing import blanks_as_null
 from handtrack.sequences.readers.record_times import stamps_of
 from handtrack.sequences.readers.records import read_records
+from handtrack.sequences.readers.spelling import in_small_letters
 
 Array = NDArray[np.float64]
 _SECOND = 10**9
@@ -147,7 +148,7 @@ def _values(
         where = Path(f"{source}, line {n + 1}")
         try:
             if line.lstrip()[:1] in _JSON or not (text.begun or is_text_line(line)):
-                found = [decode(line, Any, where)]
+                found = [in_small_letters(decode(line, Any, where))]
             else:
                 text.where = where
                 found = text.take(line)

@@ -337,3 +337,59 @@ def test_hands_within_hands_without_end(tmp_path):
         (tmp_path / "a.json").write_text(text)
         with pytest.raises(ht.InputError):
             ht.load(tmp_path / "a.json")
+
+
+def joint_objects(joints, names=JOINT_NAMES):
+    """One hand's joints as lists and objects with names, as many programs write them."""
+    at = [dict(zip("xyz", j, strict=True)) for j in joints.tolist()]
+    mixed = [*range(1, len(at)), 0]
+    return {
+        "name, x": [{"name": n, **p} for n, p in zip(names, at, strict=True)],
+        "joint, position": [{"joint": n, "position": p} for n, p in zip(names, at, strict=True)],
+        "id, pos": [{"id": i, "pos": list(p.values())} for i, p in enumerate(at)],
+        "mixed names": [{"name": names[i], "pose": {"position": at[i]}} for i in mixed],
+        "mixed numbers": [{"index": i, **at[i]} for i in mixed],
+        "name to list": named(joints, names),
+        "name to x": dict(zip(names, at, strict=True)),
+        "pairs": [[n, *p.values()] for n, p in zip(names, at, strict=True)],
+        "pairs of lists": [[n, list(p.values())] for n, p in zip(names, at, strict=True)],
+    }
+
+
+def in_letters(value, way):
+    if isinstance(value, dict):
+        return {way(k): in_letters(v, way) for k, v in value.items()}
+    return [in_letters(v, way) for v in value] if isinstance(value, list) else value
+
+
+LETTERS = {
+    "as they are": lambda k: k,
+    "first": lambda k: k[:1].upper() + k[1:],
+    "all": str.upper,
+}
+
+
+@pytest.mark.parametrize("letters", LETTERS)
+@pytest.mark.parametrize("file", ["a.jsonl", "a.json"])
+def test_named_joints_in_any_form_and_letters(read, left, letters, file):
+    for form in joint_objects(left[0]):
+        for around in ("joints", "hands", "left"):
+            frames = []
+            for i, joints in enumerate(left):
+                hand = joint_objects(joints)[form]
+                inside = {"joints": hand, "hand": "left"} if around != "left" else hand
+                frame = {"hands": [inside]} if around == "hands" else {"left": hand}
+                frames.append({"time": i / 60} | (inside if around == "joints" else frame))
+            (sequence,) = read(in_letters(frames, LETTERS[letters]), file)
+            same(sequence, left)
+            assert sequence.hand == "left"
+            assert sequence.fps == pytest.approx(60, rel=0.01)
+
+
+def test_frames_that_are_lists_of_named_joints(read, left):
+    for form in ("name, x", "mixed names", "mixed numbers", "pairs"):
+        frames = [joint_objects(joints)[form] for joints in left]
+        (sequence,) = read({"fps": 60, "frames": frames}, "a.json")
+        same(sequence, left)
+        (sequence,) = read(frames, "a.json")
+        same(sequence, left)

@@ -33,11 +33,11 @@ _3D = re.compile(r"(?<![0-9])3[dD](?![a-z])")
 _HOLDERS = frozenset(CONTAINERS)
 _TEXT, _PLAIN = {str}, {str, int, float, bool}
 _TRUTHS = ("isright", "isleft", "isrighthand", "islefthand")
-_TRACKED = ("isTracked", "is_tracked", "tracked", "isValid", "is_valid", "isActive")
+TRACKED = ("isTracked", "is_tracked", "tracked", "isValid", "is_valid", "isActive")
 MOST_NAMES = 5000
 """An object of more names is no frame and no hand."""
 _DEEPEST = 6
-_TEXTS: tuple[str, ...] = (
+TEXTS: tuple[str, ...] = (
     "categoryName",
     "category_name",
     "label",
@@ -46,7 +46,7 @@ _TEXTS: tuple[str, ...] = (
     "name",
     "hand",
 )
-_JOINTS_TOO = ("items", "bones", "pose")
+JOINTS_TOO = ("items", "bones", "pose")
 
 
 @dataclass
@@ -100,7 +100,7 @@ def hands_in(frame: Any, label: Any = None, depth: int = 0) -> list[Found]:
         return [f for key in keys for f in _under(frame, key, label)]
     if are_points(frame):
         return [_found(frame, frame, "", label)]
-    for key in (*CONTAINERS, *_JOINTS_TOO):
+    for key in (*CONTAINERS, *JOINTS_TOO):
         inner = frame.get(key)
         if isinstance(inner, dict) or (isinstance(inner, list) and key != "hand"):
             found = hands_in(inner, label, depth + 1)
@@ -144,7 +144,7 @@ def _texts(label: Any, depth: int = 0) -> Iterator[Any]:
     if depth > _DEEPEST:
         return
     if isinstance(label, dict):
-        for key in _TEXTS:
+        for key in TEXTS:
             yield label.get(key)
         if depth < 3:
             for value in label.values():
@@ -290,5 +290,5 @@ def _found(frame: dict[str, Any], value: Any, key: str, label: Any) -> Found:
     number = next((frame[k] for k in kinds.numbers if frame[k] is not None), "")
     sure = next((frame[k] for k in kinds.sure if frame[k] is not None), None)
     if sure is None:
-        sure = next((frame[k] for k in _TRACKED if isinstance(frame.get(k), bool)), None)
+        sure = next((frame[k] for k in TRACKED if isinstance(frame.get(k), bool)), None)
     return Found(label, str(number), value, key, said.unit if said else None, sure, frame)

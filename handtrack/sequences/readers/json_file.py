@@ -38,10 +38,8 @@ from handtrack.sequences.readers.points import are_points
 from handtrack.sequences.readers.raw import NotJointsError, Raw, stem
 from handtrack.sequences.readers.record_places import Places
 from handtrack.sequences.readers.records import read_records
+from handtrack.sequences.readers.spelling import ABOUT, LISTS, in_small_letters
 
-_ABOUT = ("info", "meta", "metadata", "header", "config", "settings")
-_LISTS = ("frames", "records", "samples", "data", "recording", "sequence", "messages", "poses")
-"""Names under which an object holds frames."""
 _MOST_HANDS = 4
 _NUMBER = re.compile(r"(?i)((?:frame|f|image|img|t)?[_ ]?)(\d{1,12})")
 
@@ -78,6 +76,7 @@ def read_lines(data: bytes, path: Path) -> list[Raw]:
         values = []
     if len(values) != len(lines):
         values = [decode(line, Any, path, first_line=n) for n, line in lines]
+    values = in_small_letters(values)
     places = Places("line", [n for n, _ in lines])
     table = table_of(values)
     if table is not None:
@@ -144,7 +143,7 @@ def from_value(value: Any, path: Path) -> list[Raw]:
     Raises:
         NotJointsError, InputError: as `read_json`.
     """
-    return flat_too(lambda v: _from_value(v, path), value)
+    return flat_too(lambda v: _from_value(v, path), in_small_letters(value))
 
 
 def _from_value(value: Any, path: Path) -> list[Raw]:
@@ -188,7 +187,7 @@ def _are_frames(value: list[Any]) -> bool:
     some = next((v for v in value if not is_blank(v)), None)
     if isinstance(some, dict):
         return True
-    return isinstance(some, list) and any(isinstance(v, dict) for v in some)
+    return isinstance(some, list) and (any(isinstance(v, dict) for v in some) or _has_names(some))
 
 
 def _frames(values: list[Any], path: Path, about: dict[str, Any]) -> list[Raw]:
@@ -204,11 +203,11 @@ def _object(value: dict[str, Any], path: Path) -> list[Raw]:
     value = _with_what_it_says(value)
     # a frame has no more than a few hands: a longer list is of frames
     long = [k for k in CONTAINERS if isinstance(value.get(k), list) and len(value[k]) > _MOST_HANDS]
-    for key in (*_LISTS, *long):
+    for key in (*LISTS, *long):
         frames = value.get(key)
         if frames == [] and key == "frames":
             raise InputError("frames is empty", path)
-        if not isinstance(frames, list) or not any(isinstance(f, dict) for f in frames):
+        if not isinstance(frames, list) or not any(map(_may_hold_names, frames)):
             continue
         if not are_points(frames) and (ultraleap.any_in(frames) or any(map(hands_in, frames))):
             return _frames(frames, path, value)
@@ -221,11 +220,26 @@ def _object(value: dict[str, Any], path: Path) -> list[Raw]:
     return [raw for fields in of_sides(value) for raw in two_hands(from_fields(fields, path))]
 
 
+def _may_hold_names(frame: Any) -> bool:
+    """Whether a frame is an object, or a list of joints that are."""
+    if isinstance(frame, list):
+        return _has_names(frame) and are_points(frame)
+    return isinstance(frame, dict)
+
+
+def _has_names(frame: list[Any]) -> bool:
+    """Whether joints in a list are objects, or a name and a place each."""
+    return any(
+        isinstance(v, dict) or (isinstance(v, list) and v[:1] and isinstance(v[0], str))
+        for v in frame[:1]
+    )
+
+
 def _with_what_it_says(value: dict[str, Any]) -> dict[str, Any]:
     """With what an object inside says of all frames (`{"info": {"fps": 60}, ...}`)."""
     said = {
         key: inner
-        for name in _ABOUT
+        for name in ABOUT
         if isinstance(part := value.get(name), dict)
         for key, inner in part.items()
         if isinstance(inner, str | int | float)

@@ -30,6 +30,7 @@ from handtrack.sequences.readers.raw import (
     within,
 )
 from handtrack.sequences.readers.records import read_records
+from handtrack.sequences.readers.spelling import in_small_letters
 
 _WORD = re.compile(r"(?<![a-z])(left|right)(?![a-z])")
 SAME_CLOCK_NS = 60 * 10**9
@@ -118,7 +119,7 @@ def _topic(topic: str, messages: list[Message], path: Path) -> list[Raw]:
     some: Any = None
     for i, message in enumerate(messages):
         with within(f"{topic}, message {i}", path):
-            values.append(decode(message.data, Any, path))
+            values.append(in_small_letters(decode(message.data, Any, path)))
         if some is None and _has_content(values[-1]):
             some = values[-1]
             if "bone_data" not in some and not hands_in(some):

@@ -2,6 +2,7 @@
 
     [[x, y, z], ...] | [x, y, z, x, ...] | [{"x", "y", "z", "visibility"}, ...]
     [{"name": "wrist", "position": ...}, ...] | {"wrist": point, "thumb_tip": point, ...}
+    [["wrist", x, y, z], ...] | [["wrist", point], ...]
     {"0": point, ...} | {"x": [...], "y": [...], "z": [...]} | {"thumb": [point x 4], ...}
 
 A point is [x, y, z], {"x", "y", "z"}, either of them under "position" (itself under "transform"
@@ -67,6 +68,8 @@ def are_points(value: Any) -> bool:
             return True
         if isinstance(some, dict):
             return _is_point(some)
+        if _is_pair(some):
+            return all(v is None or _is_pair(v) for v in value)
         return isinstance(some, list) and len(value) in COUNTS and len(some) in (3, 4, 16)
     if isinstance(value, dict):
         return axis_keys(value) is not None or _names_in(value) is not None
@@ -92,6 +95,9 @@ def read_points(value: Any, place: str, path: Path) -> Points:
     if len(value) in _FLAT and all(isinstance(v, int | float) or v is None for v in value):
         return Points(np.array(value, dtype=np.float64).reshape(-1, 3), None, False)
     some = next((v for v in value if v is not None), None)
+    if _is_pair(some):
+        pairs = {v[0]: v[1] if len(v) == 2 else v[1:] for v in value if _is_pair(v)}
+        return _named(pairs, place, path)
     key = next((k for k in NAMES if isinstance(some, dict) and k in some), None)
     if key is not None and isinstance(some, dict) and isinstance(some[key], str):
         pairs = [v for v in value if isinstance(v, dict)]
@@ -104,6 +110,11 @@ def read_points(value: Any, place: str, path: Path) -> Points:
                 value = [value[numbers.index(i)] for i in range(begin, begin + len(value))]
                 break
     return _list(value, place, path)
+
+
+def _is_pair(value: Any) -> bool:
+    """Whether a list is a name and its point."""
+    return isinstance(value, list) and len(value) in (2, 4) and isinstance(value[0], str)
 
 
 def _list(value: list[Any], place: str, path: Path) -> Points:
