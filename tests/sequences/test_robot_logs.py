@@ -19,6 +19,7 @@ from tools.make.robot_logs import (
     HUMBLE,
     START,
     STEP,
+    CdrOut,
     Topics,
     foxglove_frames,
     foxglove_poses_json,
@@ -278,3 +279,28 @@ def test_damaged_messages_are_told(tmp_path: Path) -> None:
     topics: Topics = {"/right": ros(POSE_ARRAY, lambda time, i: pose_array(time, RIGHT[i])[:90])}
     with pytest.raises(HandtrackError, match="/right, message 0 is no geometry_msgs"):
         ht.load(write_log(tmp_path / "x.mcap", topics, 3))
+
+
+@pytest.mark.parametrize("spread", [0, 500_000])
+@pytest.mark.parametrize("schema", ["PoseStamped", "PointStamped"])
+@pytest.mark.parametrize("name", ["/{side}_hand/{joint}", "/hands/{side}/{joint}/pose"])
+def test_a_topic_for_each_joint(tmp_path: Path, schema: str, spread: int, name: str) -> None:
+    # joints of one frame have a stamp each, or one together; one is not seen in a frame
+    def message(joints: np.ndarray, j: int) -> Any:
+        def of(time: int, i: int) -> bytes:
+            out = CdrOut().header(time + j * spread, "world")
+            turn = (0.0, 0.0, 0.6, 0.8) if schema == "PoseStamped" else ()
+            return bytes(out.put("d", *map(float, (*joints[i, j], *turn))).data)
+
+        return of
+
+    topics: Topics = {
+        name.format(side=side, joint=joint): ros(f"geometry_msgs/msg/{schema}", message(joints, j))
+        for side, joints in (("left", LEFT), ("right", RIGHT))
+        for j, joint in enumerate(JOINT_NAMES)
+    }
+    found = ht.load(write_log(tmp_path / "x.mcap", topics, FRAMES))
+    assert [s.hand for s in found] == ["left", "right"]
+    for sequence, joints in zip(found, (LEFT, RIGHT), strict=True):
+        np.testing.assert_allclose(sequence.joints, joints)
+        assert np.diff(sequence.time_ns) == pytest.approx(STEP)

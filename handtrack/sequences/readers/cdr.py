@@ -1,6 +1,7 @@
 """CDR, ROS 2's encoding of messages, and ROS 1's: those that carry hands.
 
-geometry_msgs/msg/PoseArray, foxglove_msgs/msg/PosesInFrame
+geometry_msgs/msg/PoseArray, PoseStamped, PoseWithCovarianceStamped, PointStamped
+foxglove_msgs/msg/PosesInFrame
 visualization_msgs/msg/MarkerArray, visualization_msgs/msg/Marker
 tf2_msgs/msg/TFMessage, geometry_msgs/msg/TransformStamped
 """
@@ -99,6 +100,12 @@ def poses(cdr: Cdr) -> Message:
     stamp, frame = cdr.header()
     count = _few(cdr.length())
     return Poses(stamp, frame, np.array([cdr.pose()[:3] for _ in range(count)]).reshape(-1, 3))
+
+
+def placed(cdr: Cdr) -> Message:
+    """A PoseStamped, with covariance or without, or a PointStamped."""
+    stamp, frame = cdr.header()
+    return Poses(stamp, frame, cdr.doubles(3)[None])
 
 
 def posed(cdr: Cdr) -> Message:

@@ -96,8 +96,8 @@ def read_points(value: Any, place: str, path: Path) -> Points:
         return Points(np.array(value, dtype=np.float64).reshape(-1, 3), None, False)
     some = next((v for v in value if v is not None), None)
     if _is_pair(some):
-        pairs = {v[0]: v[1] if len(v) == 2 else v[1:] for v in value if _is_pair(v)}
-        return _named(pairs, place, path)
+        by_name = {v[0]: v[1] if len(v) == 2 else v[1:] for v in value if _is_pair(v)}
+        return _named(by_name, place, path)
     key = next((k for k in NAMES if isinstance(some, dict) and k in some), None)
     if key is not None and isinstance(some, dict) and isinstance(some[key], str):
         pairs = [v for v in value if isinstance(v, dict)]

@@ -12,27 +12,27 @@ import numpy as np
 
 from handtrack.errors import InputError, shown
 from handtrack.hand.skeleton import N_JOINTS, Hand
-from handtrack.sequences.clock import Stamps
-from handtrack.sequences.names import UNUSED, joint_name, settle, without_hand, words
+from handtrack.sequences.names import joint_name, without_hand, words
 from handtrack.sequences.readers import cdr, foxglove_messages, isaac
 from handtrack.sequences.readers.both_hands import two_hands
 from handtrack.sequences.readers.fields import JOINT_COUNTS, PAIRS
 from handtrack.sequences.readers.mcap_json import message_stamps
 from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, stem
-from handtrack.sequences.readers.robot_messages import Marker, Message, Poses, Transform, Transforms
+from handtrack.sequences.readers.robot_frames import FEWEST, Frames, columns_of
+from handtrack.sequences.readers.robot_messages import Marker, Message, Poses, Transforms
 from handtrack.sequences.readers.robot_messages import turn_of as _turn_of
 
-_FEWEST = 4
 _LISTS = (6, 7, 8)  # markers of cubes, spheres and points
 _SINGLE = (1, 2, 3)  # of a cube, a sphere, a cylinder
 _TEXT = 9
 _ADDED = 0
-_DEEPEST = 64
-"""Frames above one another."""
 _LOGGED_MOST = np.iinfo(np.int64).max
 
 _CDR: dict[str, Callable[[cdr.Cdr, str], Message]] = {
     "geometry_msgs/msg/PoseArray": lambda c, _: cdr.poses(c),
+    "geometry_msgs/msg/PoseStamped": lambda c, _: cdr.placed(c),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda c, _: cdr.placed(c),
+    "geometry_msgs/msg/PointStamped": lambda c, _: cdr.placed(c),
     "foxglove_msgs/msg/PosesInFrame": lambda c, _: cdr.posed(c),
     "visualization_msgs/msg/MarkerArray": cdr.markers,
     "visualization_msgs/msg/Marker": cdr.marker,
@@ -84,7 +84,7 @@ class RobotLog:
 
     path: Path
     _topics: dict[str, _Topic] = field(default_factory=dict)
-    _frames: _Frames = field(default_factory=lambda: _Frames())
+    _frames: Frames = field(default_factory=lambda: Frames())
 
     def add(
         self, topic: str, log_time: int, data: bytes, schema: str, encoding: str, definition: bytes
@@ -128,6 +128,8 @@ class RobotLog:
         for _, topic in sorted(self._topics.items()):
             raws += topic.hands(self.path)
         if not raws:
+            for topic in self._topics.values():
+                self._frames.take(topic.name, topic.found, topic.logged)
             raws = self._frames.hands(self.path)
         labels = Counter(raw.hand for raw in raws)
         for raw in raws:
@@ -148,7 +150,7 @@ class RobotLog:
             said = [t.about() for _, t in sorted(self._topics.items())]
             raise NotJointsError(
                 "no hand in its messages: expected topics of 21, 25 or 26 poses or markers, or"
-                f" frames named as joints; found {'; '.join(filter(None, said[:6]))}",
+                f" frames or topics named as joints; found {'; '.join(filter(None, said[:6]))}",
                 self.path,
             )
         return raws
@@ -215,7 +217,7 @@ class _Topic:
         raws = []
         for hand, by_message in kept.items():
             names = list(dict.fromkeys(n for places in by_message.values() for n in places))
-            columns = _columns(names)
+            columns = columns_of(names)
             if columns is None:
                 continue
             width = max(columns.values()) + 1 if columns else 0
@@ -246,7 +248,7 @@ def _marked(markers: tuple[Marker, ...], topic: str) -> dict[Hand | None, dict[s
             named = (t for t in (marker.text, marker.space) if joint_name(words(t)) is not None)
             text = next((t for t in named if _says_which(t)), None)
             places[text or str(marker.number)] = marker.pose[:3]
-    return {hand: places for hand, places in found.items() if len(places) >= _FEWEST}
+    return {hand: places for hand, places in found.items() if len(places) >= FEWEST}
 
 
 def _says_which(text: str) -> bool:
@@ -255,95 +257,8 @@ def _says_which(text: str) -> bool:
     return said is not None and not said.weak and (said.finger is not None or said.number is None)
 
 
-def _columns(names: list[str]) -> dict[str, int] | None:
-    """Which joint each name is; None where they are of no hand."""
-    if all(n.isdigit() for n in names):
-        numbers = sorted(int(n) for n in names)
-        # ids often begin at 1, or go on from hand to hand
-        if len(numbers) not in JOINT_COUNTS or numbers[-1] - numbers[0] != len(numbers) - 1:
-            return None
-        return {str(n): i for i, n in enumerate(numbers)}
-    said = [(n, s) for n in names if (s := joint_name(words(n))) is not None]
-    settled = settle(s for _, s in said)
-    found = {n: j for (n, _), j in zip(said, settled, strict=True) if j is not None and j != UNUSED}
-    return found if len(found) >= _FEWEST else None
-
-
 def _side(*texts: str) -> Hand | None:
     """The hand that the first text which names one names."""
     return next(
         (hand for text in texts if (hand := without_hand(words(text))[0]) is not None), None
     )
-
-
-@dataclass
-class _Frames:
-    """Frames of TF over time."""
-
-    static: dict[str, Transform] = field(default_factory=dict)
-    moments: dict[int, dict[str, Transform]] = field(default_factory=dict)
-    logged: dict[int, int] = field(default_factory=dict)
-
-    def add(self, transforms: tuple[Transform, ...], log_time: int, static: bool) -> None:
-        for transform in transforms:
-            if static:
-                self.static[transform.child] = transform
-                continue
-            time = transform.stamp or log_time
-            self.moments.setdefault(time, {})[transform.child] = transform
-            self.logged.setdefault(time, log_time)
-
-    def hands(self, path: Path) -> list[Raw]:
-        """Hands whose joints have frames of their own, in the frame above all others."""
-        names = {c for moment in self.moments.values() for c in moment}
-        raws = []
-        for hand, columns in _by_hand(sorted(names | set(self.static))).items():
-            times, rows = [], []
-            latest: dict[str, Transform] = dict(self.static)
-            for time in sorted(self.moments):
-                moment = self.moments[time]
-                latest |= moment
-                if not columns.keys() & moment.keys():
-                    continue
-                joints = np.full((N_JOINTS, 3), np.nan)
-                for name, joint in columns.items():
-                    # a joint is there in the moments that tell of it, or always
-                    if name in moment or name in self.static:
-                        joints[joint] = _place(name, latest, path)
-                times.append(time)
-                rows.append(joints)
-            raws.append(
-                Raw(
-                    np.array(rows),
-                    path,
-                    stem(path),
-                    hand=hand,
-                    unit="m",
-                    order="handtrack",
-                    stamps=Stamps(np.array(times, np.int64), "stamp", "ns"),
-                )
-            )
-        return raws
-
-
-def _by_hand(names: list[str]) -> dict[Hand | None, dict[str, int]]:
-    """Which joint each frame is, by hand."""
-    said = {n: s for n in names if (s := joint_name(words(n))) is not None}
-    found = {}
-    for hand in dict.fromkeys(s.hand for s in said.values()):
-        own = [n for n, s in said.items() if s.hand == hand]
-        columns = _columns(own)
-        if columns is not None and not all(n.isdigit() for n in own):
-            found[hand] = columns
-    return found
-
-
-def _place(name: str, frames: dict[str, Transform], path: Path) -> Array:
-    """Where a frame's origin is in the frame above all others."""
-    place, at = np.zeros(3), name
-    for _ in range(_DEEPEST):
-        above = frames.get(at)
-        if above is None:
-            return place
-        place, at = _turn_of(above.pose) @ place + above.pose[:3], above.parent
-    raise InputError(f"frame {shown(name, 40)} has more than {_DEEPEST} frames above it", path)
