@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import struct
 from pathlib import Path
 from typing import Any
@@ -304,3 +305,50 @@ def test_a_topic_for_each_joint(tmp_path: Path, schema: str, spread: int, name: 
     for sequence, joints in zip(found, (LEFT, RIGHT), strict=True):
         np.testing.assert_allclose(sequence.joints, joints)
         assert np.diff(sequence.time_ns) == pytest.approx(STEP)
+
+
+def bridged(kind: str, time: int) -> list[dict[str, Any]]:
+    """Both hands' messages of one moment, as rosbridge sends them."""
+    i = (time - START) // STEP
+    header = {"stamp": {"sec": time // 10**9, "nanosec": time % 10**9}, "frame_id": "world"}
+    sent = []
+    for side, joints in (("left", LEFT), ("right", RIGHT)):
+        at = [dict(zip("xyz", map(float, p), strict=True)) for p in joints[i]]
+        poses = [{"position": p, "orientation": dict.fromkeys("xyzw", 0.5)} for p in at]
+        names = [f"{side}_{joint}" for joint in JOINT_NAMES]
+        if kind == "poses":
+            sent.append((f"/{side}_hand", {"header": header, "poses": poses}))
+        elif kind == "markers":
+            markers = [
+                {"header": header, "ns": n, "id": j, "type": 2, "action": 0, "pose": poses[j]}
+                for j, n in enumerate(names)
+            ]
+            sent.append((f"/{side}/markers", {"markers": markers}))
+        elif kind == "tf":
+            turned = [{"translation": p, "rotation": dict.fromkeys("xyzw", 0.5)} for p in at]
+            frames = [
+                {"header": header, "child_frame_id": n, "transform": t}
+                for n, t in zip(names, turned, strict=True)
+            ]
+            sent.append(("/tf", {"transforms": frames}))
+        else:
+            ones = {"pose": poses, "point": at, "unstamped": poses}[kind]
+            key = "point" if kind == "point" else "pose"
+            said = {} if kind == "unstamped" else {"header": header}
+            sent += [(f"/{n}", {**said, key: p}) for n, p in zip(names, ones, strict=True)]
+    return [{"op": "publish", "topic": topic, "msg": msg} for topic, msg in sent]
+
+
+@pytest.mark.parametrize("kind", ["poses", "markers", "tf", "pose", "point", "unstamped"])
+def test_rosbridge(tmp_path: Path, kind: str) -> None:
+    sent = [m for i in range(FRAMES) for m in bridged(kind, START + i * STEP)]
+    (tmp_path / "a.jsonl").write_text("\n".join(map(json.dumps, sent)))
+    (tmp_path / "a.json").write_text(json.dumps(sent))
+    for name in ("a.jsonl", "a.json"):
+        if kind == "unstamped":
+            left, right = ht.load(tmp_path / name)
+            assert [left.hand, right.hand] == ["left", "right"]
+        else:
+            left, right = both(tmp_path / name)
+        np.testing.assert_allclose(left.joints, LEFT)
+        np.testing.assert_allclose(right.joints, RIGHT)

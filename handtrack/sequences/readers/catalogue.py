@@ -260,7 +260,8 @@ FORMATS: tuple[Format, ...] = (
         "ROS 2 and Foxglove logs",
         "MCAP with `geometry_msgs/PoseArray`, `visualization_msgs/MarkerArray`, TF of frames named"
         " as joints, `foxglove.PosesInFrame` or `FrameTransforms`; a topic, or names, for each"
-        " hand; a topic of `PoseStamped` or `PointStamped` for each joint; ROS 2 bags (folders with metadata.yaml) and ROS 1's .bag",
+        " hand; a topic of `PoseStamped` or `PointStamped` for each joint; ROS 2 bags (folders with"
+        " metadata.yaml) and ROS 1's .bag; rosbridge's JSON of the same",
         "by their number or by name",
         "m",
         "both",

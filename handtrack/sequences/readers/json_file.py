@@ -25,7 +25,14 @@ import msgspec
 import numpy as np
 
 from handtrack.errors import InputError
-from handtrack.sequences.readers import hot3d, keypoints_2d, text_table, ultraleap, visionpro
+from handtrack.sequences.readers import (
+    hot3d,
+    keypoints_2d,
+    rosbridge,
+    text_table,
+    ultraleap,
+    visionpro,
+)
 from handtrack.sequences.readers.both_hands import of_sides, two_hands
 from handtrack.sequences.readers.fields import as_frames, from_fields
 from handtrack.sequences.readers.flat_json import with_depth
@@ -90,6 +97,8 @@ def _of_source(values: list[Any], places: Items[str], path: Path) -> list[Raw] |
     if isinstance(first, dict):
         if hot3d.is_frame(first):
             return hot3d.read_lines(values, places, path)
+        if rosbridge.is_frame(first):
+            return rosbridge.read_frames(values, places, path)
         if visionpro.is_frame(first):
             return visionpro.read_lines(values, places, path)
     if ultraleap.any_in(values):
@@ -194,6 +203,8 @@ def _frames(values: list[Any], path: Path, about: dict[str, Any]) -> list[Raw]:
     places = Places("frame", range(len(values)))
     if ultraleap.any_in(values):
         return ultraleap.read_frames(values, places, path, about)
+    if rosbridge.is_frame(next((v for v in values if v), None)):
+        return rosbridge.read_frames(values, places, path)
     return read_records(values, places, path, about)
 
 

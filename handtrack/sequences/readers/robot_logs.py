@@ -108,8 +108,17 @@ class RobotLog:
                 f"{topic}, message {of.messages - 1}: log time {log_time} ns is beyond 64 bits",
                 self.path,
             )
+        self._take(of, log_time, message)
+
+    def put(self, topic: str, log_time: int, message: Message) -> None:
+        """Take a message that is decoded already."""
+        of = self._topics.setdefault(topic, _Topic(topic))
+        of.messages += 1
+        self._take(of, log_time, message)
+
+    def _take(self, of: _Topic, log_time: int, message: Message) -> None:
         if isinstance(message, Transforms):
-            self._frames.add(message.transforms, log_time, "static" in topic)
+            self._frames.add(message.transforms, log_time, "static" in of.name)
         else:
             of.add(message, log_time)
 
@@ -193,7 +202,7 @@ class _Topic:
                 raise InputError(
                     f"{self.name}, message {i} has {len(message.places)} poses, others {size}", path
                 )
-        return two_hands(self._raw(joints, path, _side(self.name, self.found[0].frame)))
+        return two_hands(self._raw(joints, path, side_in(self.name, self.found[0].frame)))
 
     def _raw(self, joints: Array, path: Path, hand: Hand | None, order: str | None = None) -> Raw:
         own = [m.stamp for m in self.found]
@@ -237,7 +246,7 @@ def _marked(markers: tuple[Marker, ...], topic: str) -> dict[Hand | None, dict[s
     for marker in markers:
         if marker.action != _ADDED:
             continue
-        hand = _side(marker.space, marker.text, topic, marker.frame)
+        hand = side_in(marker.space, marker.text, topic, marker.frame)
         places = found.setdefault(hand, {})
         if marker.kind in _LISTS and len(marker.points) in JOINT_COUNTS:
             turn = _turn_of(marker.pose)
@@ -257,7 +266,7 @@ def _says_which(text: str) -> bool:
     return said is not None and not said.weak and (said.finger is not None or said.number is None)
 
 
-def _side(*texts: str) -> Hand | None:
+def side_in(*texts: str) -> Hand | None:
     """The hand that the first text which names one names."""
     return next(
         (hand for text in texts if (hand := without_hand(words(text))[0]) is not None), None

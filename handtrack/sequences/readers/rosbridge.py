@@ -1,0 +1,169 @@
+"""What rosbridge sends, as JSON: `{"op": "publish", "topic": "/right_hand", "msg": {...}}`.
+
+Messages are geometry_msgs' PoseArray, PoseStamped and PointStamped, visualization_msgs' Marker and
+MarkerArray, tf2_msgs' TFMessage, or any in which a hand is found as in other JSON.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence as Items
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from handtrack.errors import InputError
+from handtrack.sequences.readers.raw import Array, Raw
+from handtrack.sequences.readers.record_places import Picked
+from handtrack.sequences.readers.records import read_records
+from handtrack.sequences.readers.robot_logs import RobotLog, side_in
+from handtrack.sequences.readers.robot_messages import (
+    Marker,
+    Message,
+    Poses,
+    Transform,
+    Transforms,
+)
+
+_POINT = ("x", "y", "z")
+_TURN = ("x", "y", "z", "w")
+
+
+def is_frame(value: Any) -> bool:
+    """Whether an object is a message with its topic."""
+    return (
+        isinstance(value, dict)
+        and isinstance(value.get("topic"), str)
+        and isinstance(value.get("msg"), dict)
+    )
+
+
+def read_frames(values: list[Any], places: Items[str], path: Path) -> list[Raw]:
+    """The hands of all topics.
+
+    Raises:
+        NotJointsError: there are none.
+        InputError: a message that does not fit.
+    """
+    log = RobotLog(path)
+    others: dict[str, list[int]] = {}
+    rounds: Counter[str] = Counter()
+    for i, value in enumerate(values):
+        if not is_frame(value):
+            continue
+        try:
+            message = _message(value["msg"])
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
+            raise InputError(f"{places[i]} is no message of poses", path) from None
+        if message is None:
+            others.setdefault(value["topic"], []).append(i)
+        else:
+            # without stamps what a topic says is of as many moments
+            rounds[value["topic"]] += 1
+            log.put(value["topic"], _stamp_of(value) or rounds[value["topic"]], message)
+    found = log.hands()
+    if not any(stamp for stamp in map(_stamp_of, values)):
+        for raw in found:
+            raw.stamps = None
+    if found or not others:
+        return found or log.check()
+    return [
+        raw for topic, rows in others.items() for raw in _topic(topic, rows, values, places, path)
+    ]
+
+
+def _topic(
+    topic: str, rows: list[int], values: list[Any], places: Items[str], path: Path
+) -> list[Raw]:
+    """The hands of one topic of messages that are read as any JSON."""
+    raws = read_records([values[i]["msg"] for i in rows], Picked(places, rows), path)
+    for raw in raws:
+        if raw.hand is None:
+            raw.hand = side_in(topic)
+    return raws
+
+
+def _stamp_of(value: Any) -> int:
+    if not is_frame(value):
+        return 0
+    msg = value["msg"]
+    inner = next((v for k in ("markers", "transforms") if isinstance(v := msg.get(k), list)), [msg])
+    return max((_stamp(m) for m in inner if isinstance(m, dict)), default=0)
+
+
+def _message(msg: dict[str, Any]) -> Message | None:
+    """A message of places; None where it is another."""
+    if isinstance(msg.get("markers"), list):
+        markers = tuple(map(_marker, msg["markers"]))
+        first = markers[0] if markers else None
+        stamp, frame = (first.stamp, first.frame) if first else (0, "")
+        return Poses(stamp or None, frame, np.empty((0, 3)), markers)
+    if "ns" in msg and "pose" in msg:
+        one = _marker(msg)
+        return Poses(one.stamp or None, one.frame, np.empty((0, 3)), (one,))
+    if isinstance(msg.get("transforms"), list):
+        return Transforms(tuple(map(_transform, msg["transforms"])))
+    if "transform" in msg and "child_frame_id" in msg:
+        return Transforms((_transform(msg),))
+    if isinstance(msg.get("poses"), list) and all(map(_is_pose, msg["poses"])):
+        several = [_point(p["position"]) for p in msg["poses"]]
+        places = np.array(several, dtype=np.float64).reshape(-1, 3)
+        return Poses(_stamp(msg) or None, _frame(msg), places)
+    pose = msg.get("pose")
+    if isinstance(pose, dict) and isinstance(pose.get("pose"), dict):
+        pose = pose["pose"]  # with its covariance
+    point = pose["position"] if _is_pose(pose) else msg.get("point")
+    if not isinstance(point, dict):
+        return None
+    return Poses(_stamp(msg) or None, _frame(msg), _point(point)[None])
+
+
+def _is_pose(value: Any) -> bool:
+    return isinstance(value, dict) and isinstance(value.get("position"), dict)
+
+
+def _point(given: dict[str, Any], keys: Items[str] = _POINT) -> Array:
+    # null is what JSON has for NaN
+    return np.array([np.nan if given[k] is None else given[k] for k in keys], dtype=np.float64)
+
+
+def _pose(given: dict[str, Any], place: str = "position", turn: str = "orientation") -> Array:
+    still = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+    return np.concatenate([_point(given[place]), _point(given.get(turn) or still, _TURN)])
+
+
+def _transform(given: dict[str, Any]) -> Transform:
+    pose = _pose(given["transform"], "translation", "rotation")
+    return Transform(_stamp(given), _frame(given), str(given["child_frame_id"]), pose)
+
+
+def _marker(given: dict[str, Any]) -> Marker:
+    points = np.array([_point(p) for p in given.get("points") or ()]).reshape(-1, 3)
+    return Marker(
+        _stamp(given),
+        _frame(given),
+        str(given.get("ns", "")),
+        int(given.get("id", 0)),
+        int(given.get("type", 0)),
+        int(given.get("action", 0)),
+        _pose(given["pose"]),
+        points,
+        str(given.get("text", "")),
+    )
+
+
+def _frame(msg: dict[str, Any]) -> str:
+    header = msg.get("header")
+    return str(header.get("frame_id", "")) if isinstance(header, dict) else ""
+
+
+def _stamp(msg: dict[str, Any]) -> int:
+    """The header's time [ns], of ROS 1 or 2; 0: none."""
+    header = msg.get("header")
+    stamp = header.get("stamp") if isinstance(header, dict) else None
+    if not isinstance(stamp, dict):
+        return 0
+    whole = next((stamp[k] for k in ("sec", "secs") if k in stamp), 0)
+    rest = next((stamp[k] for k in ("nanosec", "nsecs", "nsec") if k in stamp), 0)
+    return int(whole) * 10**9 + int(rest)
