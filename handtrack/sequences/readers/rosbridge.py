@@ -113,7 +113,7 @@ def _message(msg: dict[str, Any]) -> Message | None:
     pose = msg.get("pose")
     if isinstance(pose, dict) and isinstance(pose.get("pose"), dict):
         pose = pose["pose"]  # with its covariance
-    point = pose["position"] if _is_pose(pose) else msg.get("point")
+    point = pose.get("position") if isinstance(pose, dict) else msg.get("point")
     if not isinstance(point, dict):
         return None
     return Poses(_stamp(msg) or None, _frame(msg), _point(point)[None])
