@@ -28,6 +28,10 @@ TITLES = {
     "lost_percent": ("lost", "%"),
 }
 """Measures as people read them, with units."""
+_SPOKEN = {
+    "pa_mpjpe_std_mm": ("the std of PA-MPJPE", "mm"),
+    "lost_percent": ("the share of lost frames", "points"),
+}
 AGAINST = {
     "truth": "Errors are against the truth.",
     "observed": "Errors are against the observed joints: how well the hand explains what it was"
@@ -35,16 +39,29 @@ AGAINST = {
     "nothing": "There is nothing to measure errors against.",
 }
 _FAILED = 200
+_STYLE = (
+    "<style>th.words, td.words { text-align: left }"
+    " td.words { white-space: normal; overflow-wrap: anywhere }</style>"
+)
 
 
-def shown(value: Uncertain, digits: int = 3) -> str:
+def shown(value: Uncertain) -> str:
     """A value with its interval, as text."""
     if not np.isfinite(value.value):
         return "–"
-    text = f"{value.value:.{digits}g}"
+    text = number(value.value)
     if np.isfinite(value.low) and value.high > value.low:
-        text += f" [{value.low:.{digits}g}, {value.high:.{digits}g}]"
+        text += f" [{number(value.low)}, {number(value.high)}]"
     return text
+
+
+def number(value: float) -> str:
+    """Three digits, as 0.667, 4.40, 31.1 and 311; all of a large number: 2,130."""
+    if not value:
+        return "0"
+    # rounding may carry: 9.996 is 10.0
+    whole = int(np.floor(np.log10(float(f"{abs(value):.2e}")))) + 1
+    return f"{value:,.{min(max(3 - whole, 0), 6)}f}"
 
 
 def page(report: Report | Comparison) -> str:
@@ -58,7 +75,8 @@ def page(report: Report | Comparison) -> str:
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(title)} – handtrack</title>{style[0] if style else ''}</head><body><main>"
+        f"<title>{escape(title)} – handtrack</title>{style[0] if style else ''}{_STYLE}</head>"
+        "<body><main>"
         f"<header><h1>{escape(title)}</h1>{body}"
         f"<footer>handtrack {__version__}. Intervals: 95 %, by a bootstrap over subjects, then"
         " over the clips of each.</footer></main></body></html>"
@@ -71,9 +89,16 @@ def _section(title: str, hint: str, inside: str) -> str:
     return f'<section><h2>{escape(title)}</h2><p class="hint">{escape(hint)}</p>{inside}</section>'
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
-    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]], words: Sequence[str] = ()) -> str:
+    """A table of cells that are HTML; columns of words begin at the left, numbers end together."""
+    sides = [' class="words"' if name in words else "" for name in head]
+    top = "".join(f"<th{s}>{escape(cell)}</th>" for s, cell in zip(sides, head, strict=True))
+    body = "".join(
+        "<tr>"
+        + "".join(f"<td{s}>{cell}</td>" for s, cell in zip(sides, row, strict=True))
+        + "</tr>"
+        for row in rows
+    )
     return f'<div class="scroll"><table><tr>{top}</tr>{body}</table></div>'
 
 
@@ -82,21 +107,31 @@ def _head(*first: str) -> list[str]:
 
 
 def _cells(group: Sure) -> list[str]:
-    values = []
+    return [f"{group.clips:,}", f"{group.frames:,}", *_values(group.values)]
+
+
+def _values(values: Mapping[str, Uncertain]) -> list[str]:
+    """Cells of the measures, each with its interval below it."""
+    cells = []
     for name in TITLES:
-        text = shown(group.values[name])
-        value, space, interval = text.partition(" ")
-        values.append(escape(value) + (f"<br><small>{escape(interval)}</small>" if space else ""))
-    return [f"{group.clips:,}", f"{group.frames:,}", *values]
+        value, space, interval = shown(values[name]).partition(" ")
+        cells.append(escape(value) + (f"<br><small>{escape(interval)}</small>" if space else ""))
+    return cells
 
 
 def _scope(report: Report) -> str:
     of = report.overall
     people = f" of {of.subjects:,} subjects" if report.results.units.known else ""
-    bad = f", {len(report.results.failed):,} failed" if report.results.failed else ""
-    against = sorted(set(report.results.table["against"].to_pylist()))
-    meaning = " ".join(AGAINST.get(name, "") for name in against)
-    return f"{of.clips:,} clips{people}, {of.frames:,} frames{bad}. {meaning}"
+    return f"{of.clips:,} clips{people}, {of.frames:,} frames{_bad(report)}. {_meaning(report)}"
+
+
+def _bad(report: Report) -> str:
+    return f", {len(report.results.failed):,} failed" if report.results.failed else ""
+
+
+def _meaning(*reports: Report) -> str:
+    against = {name for r in reports for name in r.results.table["against"].to_pylist()}
+    return " ".join(AGAINST.get(name, "") for name in sorted(against))
 
 
 def _notes(notes: Sequence[str]) -> str:
@@ -158,7 +193,8 @@ def _group(column: str, groups: Mapping[str, Sure]) -> str:
 
 
 def _worst(report: Report) -> str:
-    unit = "mm" if report.worst_by.endswith("_mm") else "m/s³"
+    measure = "PA-MPJPE [mm]" if report.worst_by.endswith("_mm") else "jitter [m/s³]"
+    head = ["clip", "subject", "hand", measure, "to look at it"]
     rows = [
         [
             escape(w.clip),
@@ -169,7 +205,7 @@ def _worst(report: Report) -> str:
         ]
         for w in report.worst
     ]
-    table = _table(["clip", "subject", "hand", unit, "to look at it"], rows) if rows else ""
+    table = _table(head, rows, ("subject", "hand", "to look at it")) if rows else ""
     return _section("Worst clips", "With the command that shows each in the viewer.", table)
 
 
@@ -179,36 +215,42 @@ def _failed(report: Report) -> str:
         return ""
     rows = [[escape(path), escape(error)] for path, error in failed[:_FAILED]]
     hint = f"{len(failed):,} clips" + (f", the first {_FAILED}" if len(failed) > _FAILED else "")
-    return _section("Failed", hint, _table(["clip", "why"], rows))
+    return _section("Failed", hint, _table(["clip", "why"], rows, ("why",)))
 
 
 def _compared(of: Comparison) -> str:
     people = f" of {of.subjects:,} subjects" if of.subjects else ""
-    shared = f"{of.clips:,} clips{people} that both have."
+    whole = "; ".join(
+        f"{name}: {r.overall.clips:,} clips, {r.overall.frames:,} frames{_bad(r)}"
+        for name, r in zip(of.names, of.reports, strict=True)
+    )
+    about = f"{of.clips:,} clips{people} that both have ({whole}). {_meaning(*of.reports)}"
+    legend = "".join(
+        f'<span><i class="dot" style="background:var(--m{i})"></i>{escape(name)}</span>'
+        for i, name in enumerate(of.names)
+    )
+    legend = f'<div class="legend">{legend}</div>'
     parts = [
-        f"<p>{shared} {escape(_scope(of.reports[0]))}</p></header>",
+        f"<p>{escape(about)}</p></header>",
         '<ul class="verdicts">',
     ]
     for text, clear in sentences(of):
         parts.append(f'<li class="{"clear" if clear else "open"}">{escape(text)}</li>')
     parts += ["</ul>", _notes(of.notes)]
     rows = [[escape(n), *_cells(group)] for n, group in zip(of.names, of.common, strict=True)]
-    difference = ["difference", f"{of.clips:,}", ""]
-    difference += [escape(shown(of.differences[name])) for name in TITLES]
+    difference = ["difference", "", "", *_values(of.differences)]
     parts.append(
         _section("Both", "On the clips that both have.", _table(_head(""), [*rows, difference]))
     )
     found = [_clip_values(report) for report in of.reports]
     if found[0][1] == found[1][1]:
         plot = plots.histogram([values for values, _ in found], found[0][1])
-        legend = "".join(
-            f'<span><i class="dot" style="background:var(--m{i})"></i>{escape(name)}</span>'
-            for i, name in enumerate(of.names)
-        )
-        parts.append(_section("Clips", "", f'<div class="legend">{legend}</div>{plot}'))
+        parts.append(_section("Clips", "How many clips have which error.", legend + plot))
     mine, other = (report.groups.get("subject", {}) for report in of.reports)
     both = [(s, [g[s].values["pa_mpjpe_mm"] for g in (mine, other)]) for s in mine if s in other]
-    parts.append(_section("By subject", "", plots.dots(both[:60], "PA-MPJPE [mm]")))
+    if plot := plots.dots(both[:60], "PA-MPJPE [mm]"):
+        hint = "Mean over all frames, with its interval."
+        parts.append(_section("By subject", hint, legend + plot))
     for name, report in zip(of.names, of.reports, strict=True):
         parts.append(_worst(report).replace("<h2>Worst clips", f"<h2>{escape(name)}: worst clips"))
         parts.append(_failed(report))
@@ -222,15 +264,17 @@ def sentences(of: Comparison) -> list[tuple[str, bool]]:
         value = of.differences[name]
         if not np.isfinite(value.value):
             continue
-        title, unit = TITLES[name]
+        title, unit = _SPOKEN.get(name, TITLES[name])
         if not value.value:
-            found.append((f"{of.names[1]} and {of.names[0]} have the same {title}", False))
+            found.append((f"{title} is the same of {of.names[1]} and of {of.names[0]}", False))
             continue
-        title = "the std of PA-MPJPE" if name == "pa_mpjpe_std_mm" else title
         less = "less" if value.value < 0 else "more"
-        text = f"{of.names[1]} has {abs(value.value):.3g} {unit} {less} {title} than {of.names[0]}"
+        text = (
+            f"{title} of {of.names[1]} is {number(abs(value.value))} {unit} {less} than of"
+            f" {of.names[0]}"
+        )
         if np.isfinite(value.low):
-            text += f" (difference [{value.low:.3g}, {value.high:.3g}])"
+            text += f" (difference [{number(value.low)}, {number(value.high)}])"
         text += "" if value.clear else ": not sure"
         found.append((text, value.clear))
     return found

@@ -191,11 +191,12 @@ def scatter(across: Array, up: Array, names: Sequence[str], labels: tuple[str, s
 
 
 def _decades(low: float, high: float) -> list[tuple[float, str]]:
-    """Places and labels of 1, 2, 5, 10 ..."""
-    found = []
+    """Places and labels of 1, 2, 5, 10 ..., and of more digits where that would be few."""
+    found: list[tuple[float, str]] = []
+    digits = (1, 2, 5) if high - low > 1 else (1, 1.5, 2, 3, 4, 5, 7)
     for decade in range(int(np.floor(low)), int(np.ceil(high)) + 1):
-        for digit in (1, 2, 5):
+        for digit in digits:
             value = decade + float(np.log10(digit))
             if low <= value <= high:
-                found.append((value, f"{digit * 10.0**decade:g}"))
+                found.append((value, f"{digit * 10.0**decade:,g}"))
     return found

@@ -129,13 +129,12 @@ def resamples(units: Units) -> tuple[Array, list[Array], float]:
     sizes = np.array([len(bank) for bank in banks])
     starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     flat = np.concatenate(banks)
-    step = max(1, _CHUNK // max(units.subjects, 1))
+    step = max(1, _CHUNK // (flat.shape[1] * max(units.subjects, 1)))
     for begin in range(0, _REPEATS, step):
         part = slice(begin, min(begin + step, _REPEATS))
         who = rng.integers(0, units.subjects, (part.stop - begin, units.subjects))
         which = (rng.random(who.shape) * sizes[who]).astype(np.int64)
-        for k in range(flat.shape[1]):
-            whole[part, k] = flat[:, k][starts[who] + which].sum(1)
+        whole[part] = flat[starts[who] + which].sum(1)
     return whole, banks, float(units.subjects)
 
 
@@ -148,9 +147,11 @@ def _drawn(sums: Array, repeats: int, rng: np.random.Generator) -> Array:
     step = max(1, _CHUNK // n)
     for begin in range(0, repeats, step):
         part = slice(begin, min(begin + step, repeats))
-        index = rng.integers(0, n, (part.stop - begin, n), dtype=np.int32)
-        for k in range(sums.shape[1]):
-            out[part, k] = np.ascontiguousarray(sums[:, k])[index].sum(1)
+        rows = part.stop - begin
+        index = rng.integers(0, n, (rows, n)) + n * np.arange(rows)[:, None]
+        # how often each clip was drawn: adding up is then a product of matrices
+        times = np.bincount(index.ravel(), minlength=rows * n).reshape(rows, n)
+        out[part] = times.astype(np.float64) @ sums
     return out
 
 

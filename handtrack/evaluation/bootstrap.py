@@ -331,7 +331,12 @@ def _mirrored_ratio(value: float, resampled: Array, blocks: float) -> Uncertain:
 
 def _quantiles(resampled: Array) -> tuple[float, float]:
     tail = (1 - LEVEL) / 2
-    low, high = np.quantile(resampled[~np.isnan(resampled)], [tail, 1 - tail])
+    # as np.quantile, which is twenty times as slow on so few values
+    known = np.sort(resampled[~np.isnan(resampled)])
+    at = np.array([tail, 1 - tail]) * (len(known) - 1)
+    below = at.astype(np.int64)
+    above = np.minimum(below + 1, len(known) - 1)
+    low, high = known[below] + (at - below) * (known[above] - known[below])
     return float(low), float(high)
 
 

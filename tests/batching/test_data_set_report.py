@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from handtrack.batching.data_set import report
-from handtrack.batching.page import page
+from handtrack.batching.page import number, page
 from handtrack.batching.rows import COUNTS, KNOWN, NUMBERS, table_of
 from handtrack.batching.sums import SUMS, Units, measures, sure
 from handtrack.batching.two_runs import compare_runs
@@ -42,6 +42,11 @@ def made(folder: Path, subjects: int = 6, clips: int = 8, less: float = 0.0, see
     folder.mkdir(exist_ok=True)
     parquet.write_table(table_of(rows), folder / "clips.parquet")
     return folder
+
+
+def test_numbers_have_three_digits_and_no_exponent():
+    said = {0.0: "0", 0.66667: "0.667", 4.4: "4.40", -9.996: "-10.0", 310.6: "311", 2129.7: "2,130"}
+    assert [number(value) for value in said] == list(said.values())
 
 
 def test_the_whole_is_all_frames_pooled(tmp_path):
@@ -91,7 +96,7 @@ def test_two_runs_are_compared_clip_by_clip(tmp_path):
     assert difference.clear
     assert found.differences["jitter_m_s3"].value == 0
     assert found.clips == 48
-    assert "b has 0.05 mm less PA-MPJPE than a" in page(found)
+    assert "PA-MPJPE of b is 0.0500 mm less than of a" in page(found)
 
 
 def test_the_page_names_the_worst_and_what_failed(tmp_path):
