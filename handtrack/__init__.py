@@ -58,7 +58,7 @@ _WHERE = {
     "load_cameras": "cameras.formats",
     "Fit": "fitting.result",
     "fit": "fitting.fit",
-    "fit_batch": "fitting.batch",
+    "fit_batch": "fitting.fit",
     "fit_2d": "fitting.images",
     "Calibration": "calibration.calibrate",
     "calibrate": "calibration.calibrate",
@@ -163,8 +163,8 @@ if TYPE_CHECKING:
     from handtrack.evaluation.stability import stability as stability
     from handtrack.exporting.files import Exported as Exported
     from handtrack.exporting.files import export as export
-    from handtrack.fitting.batch import fit_batch as fit_batch
     from handtrack.fitting.fit import fit as fit
+    from handtrack.fitting.fit import fit_batch as fit_batch
     from handtrack.fitting.images import fit_2d as fit_2d
     from handtrack.fitting.result import Fit as Fit
     from handtrack.fitting.settings import FitSettings as FitSettings

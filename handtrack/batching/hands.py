@@ -17,7 +17,7 @@ from handtrack.calibration.explain import Explained, explain
 from handtrack.calibration.reach import reach
 from handtrack.detectors.chosen import seen_by
 from handtrack.errors import InputError
-from handtrack.files.scratch import scratch
+from handtrack.files.long_arrays import scratch
 from handtrack.hand.hand_file import load_hand
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import PARENTS

@@ -15,7 +15,7 @@ from handtrack.batching.store import Store, StoreError
 from handtrack.errors import HandtrackError
 from handtrack.exporting.files import export
 from handtrack.exporting.table import columns
-from handtrack.files.scratch import scratch
+from handtrack.files.long_arrays import scratch
 from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES
 from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import Track

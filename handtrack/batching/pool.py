@@ -20,7 +20,7 @@ from handtrack.calibration.explain import explain
 from handtrack.calibration.settings import MIN_FRAMES
 from handtrack.detectors.chosen import seen_by
 from handtrack.errors import HandtrackError
-from handtrack.files.scratch import scratch
+from handtrack.files.long_arrays import scratch
 from handtrack.hand.hand_file import save_hand
 from handtrack.sequences.identity import repair_identity
 from handtrack.sequences.sequence import Sequence

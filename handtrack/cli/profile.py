@@ -69,8 +69,7 @@ def profile(
     reading = Reading(**options)
     truths = None if truth is None else Truths.load(truth, reading)
     sequences = [s for path in detections for s in reading.load(path, quiet or as_json)]
-    from handtrack.detectors.profile import INPUTS
-    from handtrack.detectors.profile_file import save_profile
+    from handtrack.detectors.profile import INPUTS, save_profile
     from handtrack.evaluation.landmarks import estimate_profile
 
     kind = INPUTS[0] if one_camera else INPUTS[1]

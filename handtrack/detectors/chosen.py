@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from handtrack.detectors.profile import Profile
-from handtrack.detectors.profile_file import NO_PROFILE, load_profile, shipped
+from handtrack.detectors.profile import NO_PROFILE, Profile, load_profile, shipped
 from handtrack.errors import shown
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import without_landmarks

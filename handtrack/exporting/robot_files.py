@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.exporting.mjcf import mjcf
-from handtrack.exporting.part_meshes import write_stl
-from handtrack.exporting.robot import Link, links
-from handtrack.exporting.urdf import urdf
+from handtrack.exporting.robot import Link, links, write_stl
+from handtrack.exporting.robot_xml import mjcf, urdf
 from handtrack.files.whole import whole_file
 from handtrack.hand.capsules import bone_joints, capsule_radii, contact_depths, contacts
 from handtrack.hand.model import HandModel

@@ -14,6 +14,7 @@ import mmap
 import os
 import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from io import BufferedRandom
 from pathlib import Path
 from typing import IO, Any
@@ -23,6 +24,14 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from handtrack.errors import HandtrackError
+
+
+@contextmanager
+def scratch() -> Iterator[Path]:
+    """A folder of this machine that is gone when the block ends."""
+    with tempfile.TemporaryDirectory(prefix="handtrack-") as folder:
+        yield Path(folder)
+
 
 MOST = 16 * 10**6
 """Bytes of an array that stay in memory."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
-from handtrack.fitting.batch import fit_batch
+from handtrack.fitting.fit import fit_batch
 from handtrack.hand.limits import DEFAULT_LIMITS, Limits
 from handtrack.hand.mano import MANO
 from handtrack.hand.model import HandModel

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import ModelError
-from handtrack.hand.bone_frames import palm_length
+from handtrack.hand.axes import palm_length
 from handtrack.hand.limits import DEFAULT_LIMITS, Limits, preset
 from handtrack.hand.skeleton import (
     ARRIVING,

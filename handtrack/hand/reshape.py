@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from handtrack.hand.axes import palm_frame
-from handtrack.hand.bone_frames import palm_length, rest_frames
+from handtrack.hand.axes import palm_frame, palm_length, rest_frames
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import PALM, PART_JOINT
 

@@ -14,10 +14,9 @@ import numpy as np
 
 from handtrack.kernels.arrowhead import root_hessian
 from handtrack.kernels.compiled import Solver, inline
+from handtrack.kernels.covariance import assemble
 from handtrack.kernels.derivatives import differentiate
-from handtrack.kernels.faces import guess_faces
-from handtrack.kernels.held import hold_faces, leave_faces, put_gradient
-from handtrack.kernels.information import assemble
+from handtrack.kernels.faces import guess_faces, hold_faces, leave_faces, put_gradient
 from handtrack.kernels.limits import clip
 from handtrack.kernels.linear_algebra import factor, solve_one
 from handtrack.kernels.objectives import place

@@ -1,7 +1,8 @@
 """The active face of a finger's limits: which hinges are held, and where the ellipse holds.
 
 A face is guessed from the pose and its gradient, reported by a finger's bounded problem, and
-used wherever a system is held to it.
+used wherever a system is held to it. What has a prior or pixels or contacts in it is no
+arrowhead: filter, image fit and collisions hold their dense systems to it here.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from handtrack.kernels.workspace import (
     HINGE_1,
     HINGE_2,
     LANES,
+    N_POSE,
     NORMAL,
     ROOT,
     TANGENT,
@@ -101,3 +103,72 @@ def keeps_limits(w, f):
             if (m < 0.0) == (w.angle[a, f] + w.step[a, f] <= w.lower[a, f]):
                 return False
     return True
+
+
+@inline
+def put_gradient(w, g):
+    """A pose's gradient (26,) where faces are guessed from."""
+    for f in range(FINGERS):
+        for a in range(ANGLES):
+            w.row[a, GRADIENT, f] = g[4 * f + a]
+
+
+@inline
+def hold_faces(w, h, x):
+    """Hold a pose's system h step = x to the limits' active faces, which are in the workspace.
+
+    A saddle on its ellipse moves along the tangent; a hinge at its bound not at all. Returns
+    whether there is any.
+    """
+    faces = False
+    for f in range(FINGERS):
+        k = 4 * f
+        if w.free[NORMAL, f] == 0.0:
+            turn_saddle(w, f, h)
+            h[k + 1, k + 1] += w.curvature[f]
+        for a in range(ANGLES):
+            if w.free[a, f] == 0.0:
+                faces = True
+                for j in range(N_POSE):
+                    h[k + a, j] = h[j, k + a] = 0.0
+                h[k + a, k + a] = 1.0
+    hold_vector(w, x)
+    return faces
+
+
+@inline
+def turn_saddle(w, f, h):
+    """Rows and columns of a saddle's two angles to its boundary's normal and tangent."""
+    k, c, n = 4 * f, w.normal[0, f], w.normal[1, f]
+    for j in range(N_POSE):
+        z, y = h[k, j], h[k + 1, j]
+        h[k, j], h[k + 1, j] = c * z + n * y, c * y - n * z
+    for j in range(N_POSE):
+        z, y = h[j, k], h[j, k + 1]
+        h[j, k], h[j, k + 1] = c * z + n * y, c * y - n * z
+
+
+@inline
+def hold_vector(w, x):
+    """A pose's vector in the directions of the faces, with none along what is held."""
+    for f in range(FINGERS):
+        k = 4 * f
+        if w.free[NORMAL, f] == 0.0:
+            c, n = w.normal[0, f], w.normal[1, f]
+            z, y = x[k], x[k + 1]
+            x[k], x[k + 1] = c * z + n * y, c * y - n * z
+        for a in range(ANGLES):
+            x[k + a] *= w.free[a, f]
+
+
+@inline
+def leave_faces(w, x):
+    """The step of the angles from the faces' directions to angles, in x and in `step`."""
+    for f in range(FINGERS):
+        k = 4 * f
+        if w.free[NORMAL, f] == 0.0:
+            c, n = w.normal[0, f], w.normal[1, f]
+            z, y = x[k], x[k + 1]
+            x[k], x[k + 1] = c * z - n * y, n * z + c * y
+        for a in range(ANGLES):
+            w.step[a, f] = x[k + a]

@@ -12,8 +12,14 @@ import numpy as np
 
 from handtrack.kernels.compiled import inline, kernel
 from handtrack.kernels.exchange import load_model, load_pose, store_joints, store_pose
-from handtrack.kernels.faces import fix_saddle, guess_faces
-from handtrack.kernels.held import hold_faces, hold_vector, leave_faces, put_gradient
+from handtrack.kernels.faces import (
+    fix_saddle,
+    guess_faces,
+    hold_faces,
+    hold_vector,
+    leave_faces,
+    put_gradient,
+)
 from handtrack.kernels.limits import inverse_squares
 from handtrack.kernels.linear_algebra import factor, is_lifted, solve_one
 from handtrack.kernels.pixels import differentiate_pixels, weigh_pixels

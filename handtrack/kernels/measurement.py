@@ -10,10 +10,9 @@ import math
 
 from handtrack.kernels.compiled import call, inline
 from handtrack.kernels.exchange import load_frame, load_pose, store_pose
-from handtrack.kernels.faces import guess_faces
+from handtrack.kernels.faces import guess_faces, hold_faces, leave_faces, put_gradient
 from handtrack.kernels.filter_state import pose_less
 from handtrack.kernels.frame_loop import count_seen
-from handtrack.kernels.held import hold_faces, leave_faces, put_gradient
 from handtrack.kernels.limits import move_inside
 from handtrack.kernels.linear_algebra import apply_matrix, factor, invert, solve_one
 from handtrack.kernels.steps import keep_pose, take_step

@@ -18,8 +18,7 @@ from typing import IO, Any, Generic, TypeVar
 import numpy as np
 
 from handtrack.errors import HandtrackError, InputError, SettingsError
-from handtrack.video.media import Picture, pictures
-from handtrack.video.optional import opencv
+from handtrack.video.media import Picture, opencv, pictures
 
 _Item = TypeVar("_Item")
 

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from handtrack.errors import HandtrackError, InputError, shown
-from handtrack.mcap.chunk import Place
 from handtrack.mcap.hand import Event, Head, decode_event, decode_hand
 from handtrack.mcap.state import StateDecoder, Stretch
-from handtrack.mcap.walk import Found, Walk
+from handtrack.mcap.walk import Found, Place, Walk
 
 if TYPE_CHECKING:
     from mcap.records import Channel

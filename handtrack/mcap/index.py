@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
-from handtrack.mcap.chunk import Place
-from handtrack.mcap.walk import MAGIC, RECORD, Walk, opened
+from handtrack.mcap.walk import MAGIC, RECORD, Place, Walk, opened
 
 if TYPE_CHECKING:
     from mcap.records import Channel, Statistics

@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError, SettingsError, shown
-from handtrack.mcap.chunk import Place
 from handtrack.mcap.hands import EVENT, HAND, METADATA, STATE, HandDecoder, Hands
 from handtrack.mcap.index import McapIndex, read_index
 from handtrack.mcap.schema import message_class
-from handtrack.mcap.walk import MAGIC, Walk, opened
+from handtrack.mcap.walk import MAGIC, Place, Walk, opened
 from handtrack.recording.info import info
 from handtrack.recording.parts import between, pick
 from handtrack.recording.summary import SUMMARY, read_summary

@@ -13,7 +13,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from handtrack.errors import HandtrackError, SettingsError
-from handtrack.files.growing import PartFile
+from handtrack.files.whole import PartFile
 from handtrack.hand.model import HandModel
 from handtrack.mcap.hand import Event, Head
 from handtrack.recording.hand_slot import FrameBuffer, Slot, no_frames

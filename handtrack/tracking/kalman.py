@@ -13,6 +13,7 @@ from handtrack.fitting.settings import LOSSES
 from handtrack.hand.model import HandModel
 from handtrack.kernels import drift_loop, drift_smoother, filter_loop, smoother
 from handtrack.kernels import evidence as motion
+from handtrack.kernels.covariance import information
 from handtrack.kernels.filter_state import (
     DRIFTING,
     FILTER,
@@ -22,7 +23,6 @@ from handtrack.kernels.filter_state import (
     NOTHING,
     FilterNumbers,
 )
-from handtrack.kernels.information import information
 from handtrack.kernels.kalman import LEAST_NOISE
 from handtrack.kernels.workspace import RESULT, UNFITTED, Records
 from handtrack.tracking import process_noise

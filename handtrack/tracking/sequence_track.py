@@ -17,7 +17,7 @@ from handtrack.detectors.chosen import AUTO, seen_by, why
 from handtrack.detectors.profile import Profile
 from handtrack.errors import InputError
 from handtrack.files.long_arrays import release
-from handtrack.fitting.batch import fit_batch
+from handtrack.fitting.fit import fit_batch
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_JOINTS
 from handtrack.mcap.hand import Event, Head

@@ -15,6 +15,20 @@ from handtrack.files.pictures import images_in, pictures_in
 from handtrack.sequences.clock import check_fps
 from handtrack.video.orientation import upright, way_of_frame, way_of_image
 
+
+def opencv() -> Any:
+    """OpenCV.
+
+    Raises:
+        SettingsError: it is not installed.
+    """
+    try:
+        import cv2
+    except ImportError:
+        raise SettingsError("pictures need OpenCV: pip install 'handtrack[video]'") from None
+    return cv2
+
+
 IMAGE_FPS = 30.0
 """Frames per second of a folder of images, which says nothing of time."""
 

@@ -15,8 +15,7 @@ from handtrack.errors import HandtrackError, SettingsError
 from handtrack.files.whole import whole_file
 from handtrack.hand.skeleton import BONES
 from handtrack.tracking.track import Track
-from handtrack.video.media import pictures
-from handtrack.video.optional import opencv
+from handtrack.video.media import opencv, pictures
 from handtrack.video.placing import Seen
 
 Array = NDArray[np.float64]

@@ -11,8 +11,7 @@ from handtrack.errors import HandtrackError
 from handtrack.hand.skeleton import N_JOINTS
 from handtrack.mcap.hand import hand_topics
 from handtrack.tracking.track import Track
-from handtrack.video.media import pictures
-from handtrack.video.optional import opencv
+from handtrack.video.media import opencv, pictures
 from handtrack.video.placing import Seen
 from handtrack.viewer import style
 from handtrack.viewer.picture_log import PictureView

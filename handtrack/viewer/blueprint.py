@@ -12,8 +12,8 @@ from handtrack.tracking.settings import reprojection_px
 from handtrack.viewer import style
 from handtrack.viewer.eye import Eye, Seen, eye
 from handtrack.viewer.key import dots, key_view, lines
-from handtrack.viewer.look import Look
 from handtrack.viewer.shown import Shown, counterpart
+from handtrack.viewer.style import Look
 from handtrack.viewer.versions import (
     accepted,
     eye_controls,

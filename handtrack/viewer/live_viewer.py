@@ -22,13 +22,12 @@ from handtrack.viewer.blueprint import Placed, blueprint, placed
 from handtrack.viewer.eye import Seen, eye
 from handtrack.viewer.hand_log import HandLog
 from handtrack.viewer.key import log_key
-from handtrack.viewer.look import Look
 from handtrack.viewer.picture_log import PictureView, log_pictures
 from handtrack.viewer.process import answers, free_port, grpc_address, viewer, wait_for
 from handtrack.viewer.rerun_log import APPLICATION, logs_of
-from handtrack.viewer.sending import indexes
+from handtrack.viewer.sending import forget_recordings, indexes, send_blueprint
 from handtrack.viewer.shown import Shown, origin_ns, zero_of
-from handtrack.viewer.streams import forget_recordings, send_blueprint
+from handtrack.viewer.style import Look
 
 if TYPE_CHECKING:
     import rerun as rr

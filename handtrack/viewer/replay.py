@@ -14,7 +14,6 @@ from handtrack.recording.read import read_part
 from handtrack.viewer.blueprint import blueprint, placed
 from handtrack.viewer.eye import Seen, eye
 from handtrack.viewer.live_viewer import DEFAULT_ADDRESS, connected, stream
-from handtrack.viewer.look import Look
 from handtrack.viewer.process import (
     free_port,
     grpc_address,
@@ -25,8 +24,9 @@ from handtrack.viewer.process import (
     wait_for,
 )
 from handtrack.viewer.rerun_log import log_hands, save_hands
+from handtrack.viewer.sending import send_blueprint
 from handtrack.viewer.shown import Run, Shown, on_one_clock, shown
-from handtrack.viewer.streams import send_blueprint
+from handtrack.viewer.style import Look
 
 MOST_SKINS = 20_000
 """More frames are shown without the skin, unless it is asked for: a viewer needs 56 kB for each."""

@@ -20,11 +20,10 @@ from handtrack.viewer.blueprint import Placed, blueprint, placed
 from handtrack.viewer.eye import Eye
 from handtrack.viewer.hand_log import HandLog
 from handtrack.viewer.key import log_key
-from handtrack.viewer.look import Look
 from handtrack.viewer.picture_log import PictureView, log_pictures
-from handtrack.viewer.sending import indexes
+from handtrack.viewer.sending import forget_recordings, indexes, save_to, send_blueprint
 from handtrack.viewer.shown import Run, Shown, counterpart, origin_ns, shown
-from handtrack.viewer.streams import forget_recordings, save_to, send_blueprint
+from handtrack.viewer.style import Look
 from handtrack.viewer.versions import writes_footers
 
 if TYPE_CHECKING:

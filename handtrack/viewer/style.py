@@ -1,4 +1,4 @@
-"""Names and colours in the viewer."""
+"""Names and colours in the viewer, and how a user chooses them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from handtrack.hand.limits import Limits
 from handtrack.hand.skeleton import ANGLE_NAMES, FINGERS
 from handtrack.mcap.foxglove import SKIN
 
@@ -147,3 +148,21 @@ def _mixed(a: Colour, b: Colour, share: float) -> Colour:
         round((1 - share) * x + share * y) for x, y in zip(a, b, strict=True)
     )
     return red, green, blue, alpha
+
+
+class Look(NamedTuple):
+    """How hands are shown.
+
+    Attributes:
+        mesh: draw the skin, where there is one.
+        limits: the limits to draw and to hold the angles against; each model's by default.
+        light: on a light ground.
+        apart: each recording in 3D views of its own, where there are several.
+        still: the eye stays where it is, even if the hand goes far.
+    """
+
+    mesh: bool = True
+    limits: Limits | None = None
+    light: bool = False
+    apart: bool = True
+    still: bool = False

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from handtrack.fitting.batch import fit_batch
+from handtrack.fitting.fit import fit_batch
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import BASES
 from handtrack.sequences.sequence import Sequence

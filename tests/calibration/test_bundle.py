@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from handtrack.calibration import bundle
-from handtrack.calibration.balls import Balls
 from handtrack.calibration.bundle import Clip, Poses, solve
 from handtrack.calibration.chains import SIZE, Chains
+from handtrack.calibration.explain import Balls
 from handtrack.calibration.freedoms import freedoms
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import vector_to_matrix

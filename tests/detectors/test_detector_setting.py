@@ -10,8 +10,15 @@ import pytest
 import handtrack as ht
 from handtrack.cli import run
 from handtrack.detectors.chosen import chosen_profile, told
-from handtrack.detectors.profile import IN_SPACE, ONE_CAMERA, Noise, Profile
-from handtrack.detectors.profile_file import load_profile, save_profile, shipped
+from handtrack.detectors.profile import (
+    IN_SPACE,
+    ONE_CAMERA,
+    Noise,
+    Profile,
+    load_profile,
+    save_profile,
+    shipped,
+)
 from handtrack.errors import InputError
 from handtrack.evaluation.landmarks import Seen, estimate_profile
 from handtrack.evaluation.metrics import pa_mpjpe

@@ -7,7 +7,7 @@ import pytest
 
 import handtrack as ht
 from handtrack.detectors.profile import IN_SPACE, Noise, Profile
-from handtrack.fitting.batch import fit_batch
+from handtrack.fitting.fit import fit_batch
 from handtrack.fitting.images import fit_2d
 from handtrack.hand.reshape import reshaped
 from handtrack.hand.rotations import vector_to_matrix

@@ -7,8 +7,14 @@ import json
 import numpy as np
 import pytest
 
-from handtrack.detectors.profile import IN_SPACE, Noise, Profile
-from handtrack.detectors.profile_file import load_profile, save_profile, shipped
+from handtrack.detectors.profile import (
+    IN_SPACE,
+    Noise,
+    Profile,
+    load_profile,
+    save_profile,
+    shipped,
+)
 from handtrack.errors import HandtrackError, InputError, SettingsError
 
 

@@ -15,8 +15,7 @@ from screens import lacking
 import handtrack as ht
 from handtrack.cli import run
 from handtrack.errors import SettingsError
-from handtrack.exporting.part_meshes import part_meshes
-from handtrack.exporting.robot import DENSITY, TWIST, links
+from handtrack.exporting.robot import DENSITY, TWIST, links, part_meshes
 from handtrack.hand.capsules import capsule_radii
 from handtrack.hand.rotations import vector_to_matrix
 from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES

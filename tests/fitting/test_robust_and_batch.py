@@ -7,8 +7,7 @@ import pytest
 from fit_cases import distances, jacobian, some_poses
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.fitting.batch import fit_batch
-from handtrack.fitting.fit import fit
+from handtrack.fitting.fit import fit, fit_batch
 from handtrack.fitting.settings import LOSSES
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import HANDS

@@ -8,7 +8,7 @@ from mano_equations import mano as equations
 
 from handtrack.errors import InputError
 from handtrack.hand.mano import MANO, TIP_VERTICES
-from handtrack.hand.mano_decode import decode
+from handtrack.hand.mano_pose import decode
 from handtrack.hand.skeleton import ORDERS
 
 

@@ -13,7 +13,7 @@ from plain import plain, positive, record, workspace
 from scipy.spatial.transform import Rotation
 
 from handtrack.hand.model import HandModel
-from handtrack.kernels import arrowhead, covariance, held, newton
+from handtrack.kernels import arrowhead, covariance, faces, newton
 from handtrack.kernels import derivatives as kernel_derivatives
 from handtrack.kernels.objectives import place
 from handtrack.kernels.workspace import GRADIENT, NORMAL, ROOT, WORK
@@ -150,19 +150,19 @@ def test_a_root_without_a_minimum_is_told():
 
 @pytest.mark.parametrize("face", FACES)
 def test_a_dense_system_is_held_to_the_same_faces(face):
-    """`held` on the dense system, with what has a prior: the root's turns couple all fingers."""
+    """`faces` on the dense system, with what has a prior: the root's turns couple all fingers."""
     w, _, g = arrow(4, FACES[face])
     h = positive(np.random.default_rng(5), N)
     expected = dense_step(w, h, g)
     system, x = h.copy(), -g
-    found = plain(held.hold_faces)(w, system, x)
+    found = plain(faces.hold_faces)(w, system, x)
     assert found == (FACES[face] == 0).any()
     np.testing.assert_allclose(system, system.T, atol=1e-14)
     x = np.linalg.solve(system, x)
-    plain(held.leave_faces)(w, x)
+    plain(faces.leave_faces)(w, x)
     np.testing.assert_allclose(x, expected, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(by_finger(w.step), expected[:20], rtol=1e-9, atol=1e-12)
-    plain(held.put_gradient)(w, g)
+    plain(faces.put_gradient)(w, g)
     np.testing.assert_array_equal(by_finger(w.row[:, GRADIENT]), g[:20])
 
 

@@ -13,9 +13,9 @@ from made_tracks import make_track
 from recording_checks import read_or_error
 
 from handtrack.errors import InputError
-from handtrack.mcap.chunk import open_chunk
 from handtrack.mcap.index import read_index
 from handtrack.mcap.stream import McapStream
+from handtrack.mcap.walk import open_chunk
 from handtrack.recording import write
 from handtrack.recording.info import info
 from handtrack.recording.read import read_mcap

@@ -13,7 +13,7 @@ from hdf5_files import PARTS, profile, write_profile
 import handtrack as ht
 from handtrack.errors import HandtrackError, SettingsError
 from handtrack.hand.mano import MANO
-from handtrack.hand.mano_decode import decode
+from handtrack.hand.mano_pose import decode
 from tools.make import mano_like
 
 QUATERNION = [0.8, 0.0, 0.6, 0.0]

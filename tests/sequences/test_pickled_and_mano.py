@@ -14,8 +14,7 @@ import handtrack as ht
 from handtrack.cli import run
 from handtrack.errors import InputError
 from handtrack.hand.mano import MANO
-from handtrack.hand.mano_decode import decode
-from handtrack.hand.mano_pose import to_mano
+from handtrack.hand.mano_pose import decode, to_mano
 from handtrack.hand.skeleton import ORDERS
 from tools.make import mano_like
 

@@ -7,8 +7,7 @@ import pytest
 
 import handtrack as ht
 from handtrack.calibration.lasting import noise_covariance, pose_jacobians
-from handtrack.detectors.profile import Noise, Profile
-from handtrack.detectors.profile_file import save_profile
+from handtrack.detectors.profile import Noise, Profile, save_profile
 from handtrack.errors import SettingsError
 from handtrack.hand.skeleton import N_JOINTS
 

@@ -11,10 +11,10 @@ from recording_checks import rrd_columns
 
 from handtrack.viewer.blueprint import blueprint, placed
 from handtrack.viewer.eye import Eye, Seen, eye, middles
-from handtrack.viewer.limit_marks import rings
-from handtrack.viewer.look import Look
+from handtrack.viewer.hand_plots import rings
 from handtrack.viewer.rerun_log import log_rerun
 from handtrack.viewer.shown import Run, shown
+from handtrack.viewer.style import Look
 
 
 def seen_by(view: Eye, points: np.ndarray, aspect: float) -> np.ndarray:

@@ -28,7 +28,7 @@ from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import Track
 from handtrack.viewer import style
 from handtrack.viewer.eye import Seen, eye
-from handtrack.viewer.limit_marks import OUTSIDE, limit_marks
+from handtrack.viewer.hand_plots import OUTSIDE, limit_marks
 from handtrack.viewer.live_viewer import stream
 from handtrack.viewer.replay import replay
 from handtrack.viewer.rerun_log import log_rerun

@@ -18,8 +18,8 @@ from recording_checks import rrd_columns
 from rerun.chunk import RrdReader
 
 from handtrack.errors import HandtrackError, InputError, SettingsError
-from handtrack.hand.normals import VertexNormals
 from handtrack.hand.skeleton import FINGERS
+from handtrack.hand.skinning import VertexNormals
 from handtrack.tracking.track import Track
 from handtrack.viewer.eye import Seen, eye
 from handtrack.viewer.hand_log import BATCH

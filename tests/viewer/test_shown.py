@@ -18,7 +18,7 @@ from handtrack.recording.parts import pick, rows
 from handtrack.recording.read import read_part
 from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import Track
-from handtrack.viewer.limit_marks import HELD, INSIDE, OUTSIDE, limit_marks
+from handtrack.viewer.hand_plots import HELD, INSIDE, OUTSIDE, limit_marks
 from handtrack.viewer.shown import Run, counterpart, later, on_one_clock, origin_ns, shown
 
 

@@ -15,9 +15,9 @@ from handtrack.viewer import style
 from handtrack.viewer.blueprint import blueprint
 from handtrack.viewer.eye import Seen, eye
 from handtrack.viewer.key import dots, lines
-from handtrack.viewer.look import Look
 from handtrack.viewer.rerun_log import log_rerun
 from handtrack.viewer.shown import Run, shown
+from handtrack.viewer.style import Look
 
 
 def worlds(arranged: Any) -> list[Any]:

@@ -33,7 +33,7 @@ from scipy.spatial.transform import Rotation
 
 from handtrack.calibration.calibrate import calibrate
 from handtrack.fitting import fit, solver
-from handtrack.fitting.batch import fit_batch
+from handtrack.fitting.fit import fit_batch
 from handtrack.fitting.settings import FitSettings
 from handtrack.hand.limits import DEFAULT_LIMITS, PRESETS
 from handtrack.hand.model import HandModel

@@ -12,7 +12,7 @@ from rich.table import Table
 
 import handtrack as ht
 from handtrack.evaluation import metrics
-from handtrack.fitting.batch import fit_batch
+from handtrack.fitting.fit import fit_batch
 from handtrack.fitting.result import Fit
 from handtrack.fitting.settings import UPDATES
 from handtrack.hand.model import HandModel

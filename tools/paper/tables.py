@@ -29,8 +29,8 @@ from handtrack.evaluation import metrics
 from handtrack.evaluation.compare import compare
 from handtrack.evaluation.report import print_comparison
 from handtrack.hand.mano import MANO, MANO_JOINT, mano_axes
-from handtrack.hand.mano_decode import decode
 from handtrack.hand.mano_file import find_mano
+from handtrack.hand.mano_pose import decode
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import vector_to_matrix
 from handtrack.hand.skeleton import N_ANGLES

@@ -147,7 +147,7 @@ def decoded(raw: Raw, mano: Path | None, tips: str, hand: str) -> Raw:
             "holds MANO parameters: their joints need your MANO files (--mano DIR)", raw.path
         )
     from handtrack.hand.mano import MANO
-    from handtrack.hand.mano_decode import decode
+    from handtrack.hand.mano_pose import decode
 
     _check_sizes(raw.mano, raw.path)
     side: Hand | None = raw.hand or next((h for h in HANDS if h == hand), None)

@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from handtrack.detectors.profile import IN_SPACE, Profile
+from handtrack.detectors.profile import IN_SPACE, Profile, save_profile
 from handtrack.detectors.profile import ONE_CAMERA as ONE
-from handtrack.detectors.profile_file import save_profile
 from handtrack.errors import InputError
 from handtrack.evaluation.landmarks import Seen, estimate_profile
 from tools.bench.rendered.cases import ONE_CAMERA, TRIANGULATED, Case
