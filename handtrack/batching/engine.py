@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import queue
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -88,14 +89,21 @@ class Engine:
                     f" {here[0]} on Python {here[1]}: install the same on both"
                 )
 
-    def warm_up(self, function: Callable[..., bool], *arguments: Any) -> None:
+    def warm_up(
+        self,
+        function: Callable[..., bool],
+        *arguments: Any,
+        tick: Callable[[], None] = lambda: None,
+    ) -> None:
         """Have machine code compiled by one worker of each host, and that worker started anew.
 
         Args:
             function: does so, and tells whether anything had to be compiled.
             arguments: its.
+            tick: called now and then.
 
         Raises:
+            EngineError: the scheduler is gone.
             HandtrackError: what the function raised.
         """
         hosts: dict[str, str] = {}
@@ -112,7 +120,13 @@ class Engine:
                 allow_other_workers=True,
                 pure=False,
             )
-            if future.result() and not address.startswith("inproc"):
+            ready = threading.Event()
+            future.add_done_callback(lambda _, ready=ready: ready.set())
+            while not ready.wait(TICK_S):
+                tick()
+                self._check_alive()
+            # of a worker that died meanwhile the one that took its place compiles when asked
+            if self._result(address, future) is True and not address.startswith("inproc"):
                 with suppress(ValueError, OSError, TimeoutError, RuntimeError):
                     self.client.restart_workers([address], timeout=CONNECT_S)
 

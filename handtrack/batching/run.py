@@ -224,12 +224,12 @@ class _Run:
             self._track(made or self._engine(where, stack), planned.todo)
 
     def _engine(self, where: Where, stack: ExitStack) -> Engine:
-        self._watch.doing = "starting workers"
-        self._watch.show()
+        self._watch.prepare("starting workers")
         processes = where.processes and not self._store.place.startswith("memory://")
         made = stack.enter_context(engine(where.client, where.scheduler, where.workers, processes))
         self._watch.dashboard = made.dashboard
-        made.warm_up(warm_up, self._settings)
+        self._watch.prepare("loading machine code (compiled once on each machine, about 60 s)")
+        made.warm_up(warm_up, self._settings, tick=self._watch.show)
         return made
 
     def _find(self, made: Engine, missing: list[Pool]) -> None:

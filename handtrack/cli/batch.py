@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 import time
 from functools import partial
@@ -175,14 +176,15 @@ class _Shown(Progress):
         if self.doing != self._stage:
             self._stage = self.doing
             self._next = now if screen else now + _LOG_S
-        if now < self._next or not self.clips:
+        if now < self._next:
             return
         self._next = now + (_SCREEN_S if screen else _LOG_S)
         if screen:
-            click.echo(f"\r{self.line.ljust(self._width)}", nl=False, err=True)
-            self._width = len(self.line)
+            line = self.line(shutil.get_terminal_size().columns - 1)
+            click.echo(f"\r{line.ljust(self._width)}", nl=False, err=True)
+            self._width = len(line)
         else:
-            click.echo(self.line, err=True)
+            click.echo(self.line(), err=True)
 
     def begin(self, doing: str, clips: int) -> None:
         if self.dashboard and not self._stage.startswith(("subjects", "clips")):

@@ -5,6 +5,7 @@ A Dask cluster of processes on loopback, and an S3 server behind a door that can
 
 from __future__ import annotations
 
+import logging
 import os
 import socket
 import subprocess
@@ -75,6 +76,7 @@ def s3(port: int) -> Iterator[Proxy]:
     """An S3 server on loopback behind a door that can be shut."""
     from moto.server import ThreadedMotoServer
 
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)
     server = ThreadedMotoServer(ip_address="127.0.0.1", port=port, verbose=False)
     server.start()
     door = Proxy(port)
