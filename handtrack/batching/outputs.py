@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,6 +23,7 @@ from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import Track
 
 RECORDINGS, FRAMES, EXPORTED = "recordings", "frames", "exports"
+SETTINGS = "settings.json"
 NO_SUBJECT = "__HIVE_DEFAULT_PARTITION__"
 """What readers of partitioned tables take for null."""
 
@@ -85,7 +88,17 @@ class Outputs(NamedTuple):
         }
 
 
+def keep_settings(store: Store, settings: BatchSettings) -> None:
+    """Write by which settings a run tracks, and the configuration file that they came from."""
+    told: dict[str, Any] = settings.told() | {"pool": settings.pool}
+    if settings.config:
+        told["config"] = dict(settings.config)
+    store.write(SETTINGS, json.dumps(told, indent=2).encode())
+
+
 def _record(tracks: Sequence[Track], file: Path, settings: BatchSettings) -> None:
+    told = {"config": dict(settings.config)} if settings.config else {}
+    tracks = [replace(track, settings={**track.settings, **told}) for track in tracks]
     write_mcap(tracks, file, recording=settings.recording)
 
 

@@ -15,7 +15,7 @@ from handtrack.batching.engine import Died, Engine, EngineError
 from handtrack.batching.journal import compact, compacted_as_far_as_possible, earlier
 from handtrack.batching.lock import only_run
 from handtrack.batching.manifest import clips_of, clips_of_table
-from handtrack.batching.outputs import FRAMES, RECORDINGS
+from handtrack.batching.outputs import FRAMES, RECORDINGS, keep_settings
 from handtrack.batching.plan import Plan, Planned, Portions, parts_of, plan, task_of
 from handtrack.batching.pool import Found, Pool, find_hands, known, pools
 from handtrack.batching.progress import Progress
@@ -85,7 +85,8 @@ def batch(
         manifest: folders, files, archives, globs or URLs, or a manifest: a .csv or .parquet
             file, a table, or one mapping for each clip, with `path` and perhaps `name`, `hand`,
             `subject`, `fps`, `unit`, `order`, `start`, `end` [s] and `truth`.
-        out: folder or URL of the results: `clips.parquet`, `recordings/`, `hands/`, `frames/`.
+        out: folder or URL of the results: `clips.parquet`, `settings.json`, `recordings/`,
+            `hands/`, `frames/`.
         client: of Dask's; by default a cluster of this machine's cores is made for the call.
         settings: how each clip is tracked, or `BatchSettings` that say too what is written.
         subject: regular expression that finds the subject in a path.
@@ -145,6 +146,7 @@ def run(
     with only_run(store):
         store.sweep()
         compact(store)
+        keep_settings(store, settings)
         state, complete = _Run(store, settings, watch), False
         try:
             with ExitStack() as stack:

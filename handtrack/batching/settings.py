@@ -66,6 +66,7 @@ class BatchSettings:
         recording: what goes into it.
         frames: write a table of each clip's frames.
         exports: of `EXPORTS`, written for each clip.
+        config: the configuration file that options came from, and what it says; recorded only.
 
     Raises:
         SettingsError: an export is unknown.
@@ -80,6 +81,7 @@ class BatchSettings:
     recording: RecordingSettings = RecordingSettings(MeshChoice(every=0))  # noqa: RUF009
     frames: bool = False
     exports: tuple[str, ...] = ()
+    config: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in self.exports:

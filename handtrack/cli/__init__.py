@@ -5,6 +5,7 @@ Each command stands in the module of its name, as a click command of that name.
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import sys
@@ -20,6 +21,9 @@ from handtrack.cli.streams import STOPPED, stopping, usable_streams
 from handtrack.cli.timing import begin
 from handtrack.errors import HandtrackError, InputError, ModelError, SettingsError
 
+_COLLECT_EVERY = 50_000
+"""Objects made before the youngest are looked through."""
+
 
 def main() -> None:
     """Run the command line and exit: 0 done, 1 the job failed, 2 input or arguments are wrong."""
@@ -28,6 +32,8 @@ def main() -> None:
     # on a busy machine ten times as long as the work takes
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
         os.environ.setdefault(name, "1")
+    # a thousand modules and compiled functions are nothing to be collected: a tenth of the start
+    gc.set_threshold(_COLLECT_EVERY)
     sys.exit(run(sys.argv[1:]))
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handtrack.batching.progress import Progress, duration
+from handtrack.cli.config import used_config
 from handtrack.cli.helping import Command
 from handtrack.cli.inputs import Reading
 from handtrack.cli.models import hand_model_option, model_options, take_models
@@ -103,8 +104,8 @@ def batch(
 
     INPUT is a folder, a glob, an archive, a file, a URL (s3://, gs://), or a manifest: a .csv or
     .parquet file with a column `path`, and perhaps name, hand, subject, fps, unit, order, start,
-    end (seconds) and truth. OUT gets clips.parquet with a row for each clip and hand, recordings/
-    and hands/ with each subject's hand, found in several of its clips.
+    end (seconds) and truth. OUT gets clips.parquet with a row for each clip and hand,
+    settings.json, recordings/ and hands/ with each subject's hand, found in several of its clips.
 
     The same command goes on where a run was stopped, and does again what other settings or other
     files ask for. A clip that fails is a row with its error. `handtrack stability OUT` reports.
@@ -130,6 +131,7 @@ def batch(
         recording=recording,
         frames=frames,
         exports=tuple(dict.fromkeys(kind for given in exports for kind in given.split(","))),
+        config=used_config(),
     )
     from handtrack.batching.manifest import clips_of
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handtrack.cli.config import used_config
 from handtrack.cli.helping import Command
 from handtrack.cli.inputs import Reading
 from handtrack.cli.models import hand_model_option, model_options, take_models
@@ -120,6 +121,7 @@ def _convert(
         profile=reading.profile,
         up=up,
         unit=length,
+        told={"config": config} if (config := used_config()) else {},
     )
 
 

@@ -20,7 +20,7 @@ _GROUPS = {
         *("output", "overwrite", "filter", "camera", "overlay", "video", "stdin", "udp"),
         *("publish", "hand", "unit", "fps", "finger", "joint", "truth", "compare", "html"),
         *("save", "web", "to"),
-        *("resume", "workers", "json", "as_json", "order", "rrd", "live"),
+        *("workers", "as_json", "order", "rrd", "live"),
         *_LAST,
     ),
     "Input": (
@@ -36,12 +36,15 @@ _GROUPS = {
             "max_size",
             "profile",
         ),
-        *("trajectory", "markers", "no_repair", "start", "end", "match"),
+        *("trajectory", "markers", "no_repair", "start", "end", "match", "model"),
+    ),
+    "The data set": (
+        *("subject", "no_pool", "own_columns", "no_recordings", "exports", "scheduler"),
+        *("dry_run", "retry_failed"),
     ),
     "The hand": ("hand_model", "calibrate", "detector", "mano", "mano_tips", "gltf", "limits"),
     "The recording": (
         "rrd",
-        "json",
         "as_json",
         "mesh",
         "no_mesh",
@@ -52,7 +55,11 @@ _GROUPS = {
     ),
     "The viewer": (
         *("connect", "no_view", "speed", "port", "no_open", "side_by_side", "offset", "still"),
-        *("live", "light", "theme", "skin", "overlay_skin"),
+        *("live", "light", "overlay_skin"),
+    ),
+    "What is written": ("up", "length", "rotations", "frame", "base", "raw", "name", "mask"),
+    "How it is judged": (
+        *("by", "worst", "no_fit", "follow", "one_camera", "tolerance_deg", "tolerance_mm"),
     ),
     "The figure": ("width_mm", "font_pt", "bands", "errors", "statuses", "dpi"),
     "Poses out": ("publish_format",),

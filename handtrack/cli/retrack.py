@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 from click.core import ParameterSource
 
+from handtrack.cli.config import used_config
 from handtrack.cli.helping import Command
 from handtrack.cli.models import model_options, take_models
 from handtrack.cli.options import (
@@ -72,6 +74,8 @@ def retrack(file: Path, output: Path, as_json: bool, quiet: bool, **options: Any
             if model is not None and "limits" in given:
                 model = model.with_limits(limits)
             tracks.append(run(stored, model, own))
+    told = {"config": config} if (config := used_config()) else {}
+    tracks = [replace(track, settings={**track.settings, **told}) for track in tracks]
     output.parent.mkdir(parents=True, exist_ok=True)
     ht.write_mcap(tracks, output, recording=recording)
     report = ht.stability(tracks)

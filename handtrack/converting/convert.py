@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -78,6 +80,7 @@ def convert(
     profile: Path | None = None,
     up: str = "y",
     unit: str = "cm",
+    told: Mapping[str, Any] = MappingProxyType({}),
 ) -> list[Converted]:
     """Write joint sequences or tracks in another format, and read them back to see what is lost.
 
@@ -95,6 +98,7 @@ def convert(
         mano_tips: whose vertices of MANO are the fingertips.
         profile: of UmeTrack's hand, for `to="umetrack"`.
         up, unit: as `export` takes them, of .bvh and .glb.
+        told: what a recording says of its hands beside their settings.
 
     Returns:
         What was written, hand by hand.
@@ -122,7 +126,14 @@ def convert(
     groups = [(path, sources)]
     if not target.together and len(sources) > 1:
         groups = [(own_file(path, s.name), [s]) for s in sources]
-    options = {"mano": mano, "mano_tips": mano_tips, "profile": profile, "up": up, "unit": unit}
+    options = {
+        "mano": mano,
+        "mano_tips": mano_tips,
+        "profile": profile,
+        "up": up,
+        "unit": unit,
+        "told": told,
+    }
     made = []
     for file, group in groups:
         notes = _write(name, group, file, origin, options)
@@ -155,7 +166,9 @@ def _write(
         made = export([s.track for s in group], file, up=options["up"], unit=options["unit"])
         return tuple(note for m in made for note in m.notes)
     if name == "mcap":
-        write_mcap([s.track for s in group], file)
+        tracks = [s.track for s in group]
+        told = options["told"]
+        write_mcap([replace(t, settings={**t.settings, **told}) for t in tracks], file)
         return ()
     with whole_file(file) as part:
         if name == "openxr":
