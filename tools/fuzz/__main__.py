@@ -26,6 +26,8 @@ from typing import Any
 
 FINE = ("ok", "refused")
 SECONDS = 5.0
+_STARTING = 1800.0
+"""Seconds until kernels are compiled, on a machine with other work."""
 Case = tuple[str, str, int]
 
 
@@ -45,7 +47,7 @@ class Worker:
             stderr=self.errors,
             text=True,
         )
-        first = self._answer(300)
+        first = self._answer(_STARTING)
         if first is None:
             self.errors.seek(0)
             raise SystemExit(f"the worker does not start: {self.errors.read()[-500:]}")

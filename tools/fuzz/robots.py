@@ -12,16 +12,16 @@ import numpy as np
 
 import handtrack as ht
 from handtrack.hand.skeleton import JOINT_NAMES, ORDERS, PARENTS
-from tools.fuzz.corpus import Files, Joints, Kind
+from tools.fuzz.corpus import Files, Joints, Kind, dumps
 from tools.make import robot_logs
-from tools.make.robot_logs import HUMBLE, Topics, protobuf
+from tools.make.robot_logs import HUMBLE, CdrOut, Topics, protobuf
 
 ONE_WAY = (
     *("lerobot", "parquet", "ros poses", "ros markers", "ros frames", "foxglove frames", "isaac"),
-    "landmark lines",
+    *("landmark lines", "ros joints", "rosbridge", "json capitals"),
 )
 """Kinds that nothing writes otherwise."""
-_STILL = (0, 0, 0, 1)
+_STILL, _TURN = (0, 0, 0, 1), {"x": 0, "y": 0, "z": 0, "w": 1}
 
 
 def _load(path: Path) -> Any:
@@ -60,9 +60,12 @@ def _parquet(columns: dict[str, Any]) -> bytes:
 
 def _log(topic: str, entry: Callable[[Joints], Any]) -> Kind:
     """A log of one topic."""
+    return _of_topics(lambda joints: {topic: entry(joints)})
 
+
+def _of_topics(topics_of: Callable[[Joints], Topics]) -> Kind:
     def make(joints: Joints) -> Files:
-        topics: Topics = {topic: entry(joints)}
+        topics = topics_of(joints)
         with tempfile.TemporaryDirectory() as folder:
             path = robot_logs.write_log(Path(folder) / "a.mcap", topics, len(joints))
             return {"a.mcap": path.read_bytes()}
@@ -95,6 +98,44 @@ def _lines(joints: Joints) -> Files:
     return {"a.txt": "\n".join(text).encode()}
 
 
+def _joint_topics(joints: Joints) -> Topics:
+    """A topic of PoseStamped for each joint."""
+    about = ("geometry_msgs/msg/PoseStamped", "ros2msg", "cdr", b"")
+
+    def at(j: int) -> Callable[[int, int], bytes]:
+        return lambda t, i: bytes(CdrOut().header(t, "world").pose(joints[i, j]).data)
+
+    return {f"/right/{name}": (*about, at(j)) for j, name in enumerate(JOINT_NAMES)}
+
+
+def _bridged(joints: Joints) -> Files:
+    """rosbridge's messages, a topic for each joint."""
+    lines = []
+    for i, places in enumerate(joints):
+        header = {"stamp": {"sec": i // 30, "nanosec": i % 30 * 33_000_000}, "frame_id": "world"}
+        for name, place in zip(JOINT_NAMES, places.tolist(), strict=True):
+            pose = {"position": dict(zip("xyz", place, strict=True)), "orientation": _TURN}
+            msg = {"header": header, "pose": pose}
+            lines.append(dumps({"op": "publish", "topic": f"/right/{name}", "msg": msg}))
+    return {"a.jsonl": b"\n".join(lines)}
+
+
+def _capitals(joints: Joints) -> Files:
+    """Joints with names, in capital letters."""
+    frames = [
+        {
+            "Time": i / 30,
+            "Hand": "right",
+            "Joints": [
+                {"Name": name, "Position": dict(zip("XYZ", place, strict=True))}
+                for name, place in zip(JOINT_NAMES, places.tolist(), strict=True)
+            ],
+        }
+        for i, places in enumerate(joints)
+    ]
+    return {"a.json": dumps(frames)}
+
+
 def kinds() -> dict[str, Kind]:
     """All of them, by name."""
     frames = "foxglove.FrameTransforms"
@@ -124,6 +165,9 @@ def kinds() -> dict[str, Kind]:
         "foxglove frames": _log(
             "/tf", lambda j: (*foxglove, lambda t, i: robot_logs.foxglove_frames(t, _frames(j[i])))
         ),
+        "ros joints": _of_topics(_joint_topics),
+        "rosbridge": Kind(_bridged, "a.jsonl", _load),
+        "json capitals": Kind(_capitals, "a.json", _load),
         "isaac": _log(
             "hands/right_hand",
             lambda j: (*isaac, lambda t, i: robot_logs.isaac_record(t, _openxr(j[i]))),
