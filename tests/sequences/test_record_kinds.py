@@ -393,3 +393,31 @@ def test_frames_that_are_lists_of_named_joints(read, left):
         same(sequence, left)
         (sequence,) = read(frames, "a.json")
         same(sequence, left)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5])
+def test_few_frames_are_no_hands_of_one_frame(read, left, n):
+    joints = left[:n]
+    plain, points = joints.tolist(), [objects(j) for j in joints]
+    times = {"timestamps": [i / 60 for i in range(n)]}
+    clips = [
+        {"joints_m": plain},
+        {"landmarks": plain, **times},
+        {"keypoints": points, "hand": "left"},
+        {"joints": points, "fps": 60},
+        {"frames": plain, **times},
+        {"data": plain},
+        {"hands": {"left": plain}},
+    ]
+    for clip in clips:
+        (sequence,) = read(clip, "a.json")
+        same(sequence, joints)
+    both = {"left_joints": plain, "right_joints": (joints * [-1, 1, 1]).tolist()}
+    for clip in (both, {"hands": {"left": plain, "right": both["right_joints"]}, "fps": 60}):
+        found = read(clip, "a.json")
+        assert [s.hand for s in found] == ["left", "right"]
+        same(found[0], joints)
+    # of one picture
+    label = [[{"categoryName": "Left"}], [{"categoryName": "Right"}]]
+    found = read({"handedness": label, "worldLandmarks": [points[0], points[0]]}, "a.json")
+    assert [len(s) for s in found] == [1, 1]

@@ -36,6 +36,8 @@ _TRUTHS = ("isright", "isleft", "isrighthand", "islefthand")
 TRACKED = ("isTracked", "is_tracked", "tracked", "isValid", "is_valid", "isActive")
 MOST_NAMES = 5000
 """An object of more names is no frame and no hand."""
+MOST_HANDS = 4
+"""Hands of a frame."""
 _DEEPEST = 6
 TEXTS: tuple[str, ...] = (
     "categoryName",
@@ -271,7 +273,7 @@ def _is_several(value: Any) -> bool:
     """Whether a list is of hands, not of joints."""
     if not isinstance(value, list) or are_points(value):
         return False
-    return len(value) <= 4 and any(
+    return len(value) <= MOST_HANDS and any(
         isinstance(v, list) and len(v) in COUNTS for v in map(_unwrapped, value)
     )
 

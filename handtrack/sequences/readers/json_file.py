@@ -36,18 +36,18 @@ from handtrack.sequences.readers import (
 from handtrack.sequences.readers.both_hands import of_sides, two_hands
 from handtrack.sequences.readers.fields import as_frames, from_fields
 from handtrack.sequences.readers.flat_json import with_depth
-from handtrack.sequences.readers.found import CONTAINERS, MOST_NAMES, hands_in
+from handtrack.sequences.readers.found import CONTAINERS, MOST_HANDS, MOST_NAMES, hands_in
 from handtrack.sequences.readers.json_table import table_of
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.missing import blanks_as_null, is_blank
 from handtrack.sequences.readers.pictures import flat
-from handtrack.sequences.readers.points import are_points
+from handtrack.sequences.readers.points import are_points, has_names
 from handtrack.sequences.readers.raw import NotJointsError, Raw, stem
 from handtrack.sequences.readers.record_places import Places
 from handtrack.sequences.readers.records import read_records
 from handtrack.sequences.readers.spelling import ABOUT, LISTS, in_small_letters
+from handtrack.sequences.readers.whole_clips import as_clip, is_clip
 
-_MOST_HANDS = 4
 _NUMBER = re.compile(r"(?i)((?:frame|f|image|img|t)?[_ ]?)(\d{1,12})")
 
 
@@ -196,7 +196,7 @@ def _are_frames(value: list[Any]) -> bool:
     some = next((v for v in value if not is_blank(v)), None)
     if isinstance(some, dict):
         return True
-    return isinstance(some, list) and (any(isinstance(v, dict) for v in some) or _has_names(some))
+    return isinstance(some, list) and (any(isinstance(v, dict) for v in some) or has_names(some))
 
 
 def _frames(values: list[Any], path: Path, about: dict[str, Any]) -> list[Raw]:
@@ -211,9 +211,9 @@ def _frames(values: list[Any], path: Path, about: dict[str, Any]) -> list[Raw]:
 def _object(value: dict[str, Any], path: Path) -> list[Raw]:
     if len(value) > MOST_NAMES:
         raise NotJointsError(f"an object of {len(value)} names is of no hands", path)
-    value = _with_what_it_says(value)
+    value = as_clip(_with_what_it_says(value))
     # a frame has no more than a few hands: a longer list is of frames
-    long = [k for k in CONTAINERS if isinstance(value.get(k), list) and len(value[k]) > _MOST_HANDS]
+    long = [k for k in CONTAINERS if isinstance(value.get(k), list) and len(value[k]) > MOST_HANDS]
     for key in (*LISTS, *long):
         frames = value.get(key)
         if frames == [] and key == "frames":
@@ -226,7 +226,8 @@ def _object(value: dict[str, Any], path: Path) -> list[Raw]:
     if numbered:
         return _frames(numbered, path, {})
     found = hands_in(value)
-    if any(isinstance(f.value, dict | list) and are_points(f.value) for f in found):
+    seen = any(isinstance(f.value, dict | list) and are_points(f.value) for f in found)
+    if seen and not is_clip(value):
         return read_records([value], ["the object"], path)
     return [raw for fields in of_sides(value) for raw in two_hands(from_fields(fields, path))]
 
@@ -234,16 +235,8 @@ def _object(value: dict[str, Any], path: Path) -> list[Raw]:
 def _may_hold_names(frame: Any) -> bool:
     """Whether a frame is an object, or a list of joints that are."""
     if isinstance(frame, list):
-        return _has_names(frame) and are_points(frame)
+        return has_names(frame) and are_points(frame)
     return isinstance(frame, dict)
-
-
-def _has_names(frame: list[Any]) -> bool:
-    """Whether joints in a list are objects, or a name and a place each."""
-    return any(
-        isinstance(v, dict) or (isinstance(v, list) and v[:1] and isinstance(v[0], str))
-        for v in frame[:1]
-    )
 
 
 def _with_what_it_says(value: dict[str, Any]) -> dict[str, Any]:

@@ -117,6 +117,12 @@ def _is_pair(value: Any) -> bool:
     return isinstance(value, list) and len(value) in (2, 4) and isinstance(value[0], str)
 
 
+def has_names(frame: Any) -> bool:
+    """Whether joints in a list are objects, or a name and a place each."""
+    first = frame[0] if isinstance(frame, list) and frame else None
+    return isinstance(first, dict) or _is_pair(first)
+
+
 def _list(value: list[Any], place: str, path: Path) -> Points:
     try:  # the usual case, all at once
         array = np.array([(p["x"], p["y"], p["z"]) for p in value], dtype=np.float64)
