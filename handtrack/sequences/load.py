@@ -77,7 +77,7 @@ def load(
             separated by commas (-1: it has none).
         fps: frames per second; replaces the source's times: frame i is at i / fps seconds.
         frames: first and last source frame number to keep, both included.
-        format: name of the format (`readers.recognise.FORMATS`), where content could be taken
+        format: name of the format (`readers.catalogue.kinds`), where content could be taken
             for another's.
         mano: your MANO files, for inputs that hold MANO parameters: a file, or a folder with
             MANO_RIGHT.pkl and MANO_LEFT.pkl.

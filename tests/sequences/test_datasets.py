@@ -304,7 +304,7 @@ def test_xr_frames_that_do_not_fit(tmp_path, left, change, message):
 def test_an_unknown_format_is_named(tmp_path, right):
     path = tmp_path / "a.json"
     path.write_text(json.dumps(right.tolist()))
-    with pytest.raises(SettingsError, match="unknown format 'abc', expected one of panoptic"):
+    with pytest.raises(SettingsError, match="unknown format 'abc', expected one of assemblyhands"):
         ht.load(path, format="abc")
     with pytest.raises(InputError, match=r"a\.json: "):
         ht.load(path, format="panoptic")

@@ -15,7 +15,7 @@ import handtrack as ht
 from handtrack.cli import COMMANDS, cli
 from handtrack.hand.limits import PRESETS
 from handtrack.hand.skeleton import ANGLE_NAMES, FINGERS, ORDER_JOINTS, ORDERS
-from handtrack.sequences.readers.catalogue import FORMATS
+from handtrack.sequences.readers.catalogue import formats as all_formats
 from handtrack.settings import Settings
 
 NUMBERS = Path(__file__).resolve().parent / "numbers"
@@ -52,7 +52,7 @@ def formats() -> str:
     """Every format, with all that is to be known of it."""
     head = ["source", "what is read", "joint order; unit; hands", "recognised by"]
     rows = []
-    for f in FORMATS:
+    for f in all_formats():
         needs = f"; needs {f.needs}" if f.needs else ""
         rows.append(
             [f"**{f.name}**", f.reads + needs, f"{f.order}; {f.unit}; {f.hands}", f.known_by]
@@ -62,7 +62,7 @@ def formats() -> str:
 
 def formats_short() -> str:
     """Every format in a few words, for the README."""
-    rows = [[f.name, f.order, f.unit, f.needs.partition(" (")[0]] for f in FORMATS]
+    rows = [[f.name, f.order, f.unit, f.needs.partition(" (")[0]] for f in all_formats()]
     return table(["source", "joint order", "unit", "needs"], rows)
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from handtrack.errors import InputError
 from handtrack.files import budget
 from handtrack.hand.rotations import quaternion_to_matrix
+from handtrack.sequences.readers.catalogue import Format
 from handtrack.sequences.readers.companions import Companions
 from handtrack.sequences.readers.raw import Array, Raw
 from handtrack.sequences.readers.table_cells import read_cells
@@ -136,3 +137,16 @@ def between(
     right = np.where(near, share, np.sin(share * angle) / safe)
     move = place[before] * (1 - share) + place[after] * share
     return quaternion_to_matrix(left * a + right * b), move, inside
+
+
+FORMATS = (
+    Format(
+        "Project Aria MPS",
+        "`hand_tracking_results.csv`, versions 1 and 2; in the device's frame",
+        "umetrack",
+        "m",
+        "both",
+        "its columns",
+        "`--trajectory closed_loop_trajectory.csv` for the world",
+    ),
+)

@@ -23,6 +23,7 @@ from handtrack.errors import InputError, shown
 from handtrack.hand.rotations import about_axis
 from handtrack.hand.skeleton import N_JOINTS, TIPS, Hand
 from handtrack.sequences.names import UNUSED, JointName, joint_name, settle, words
+from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.jsontext import as_utf8
 from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, stem
 from handtrack.sequences.readers.table_cells import Table
@@ -301,3 +302,19 @@ def _placed(
                 places[i][block] = places[node.parent][block] + np.einsum("tab,tb->ta", above, move)
                 turns[i] = above @ local
     return places
+
+
+FORMATS = (
+    Format(
+        "BVH with fingers",
+        "Mixamo's, Rokoko's, Manus', MotionBuilder's joints; end sites are tips, without them the"
+        " tips are missing",
+        "by name",
+        "as makes a hand",
+        "by name",
+        "`HIERARCHY`",
+        kinds={"bvh": read_bvh},
+        suffixes=(".bvh",),
+        ways=(Way("text", lambda data, path: data.startswith(START), read_bvh),),
+    ),
+)

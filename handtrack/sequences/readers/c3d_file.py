@@ -17,6 +17,7 @@ import numpy as np
 
 from handtrack.errors import InputError, shown
 from handtrack.sequences.names import UNITS
+from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.markers import Markers
 from handtrack.sequences.readers.raw import Array, Raw, as_unit, stem
 
@@ -118,3 +119,19 @@ def _labels(reader: Any) -> list[str]:
                 raw[i : i + width].decode("latin-1").strip("\0 ") for i in range(0, len(raw), width)
             ]
     return found
+
+
+FORMATS = (
+    Format(
+        "Motion capture: .c3d",
+        "markers named as joints, or by a file of pairs; also without wrist or tips",
+        "by name",
+        "as the file says",
+        "by name",
+        "file magic",
+        "`--markers FILE` for other names; extra `formats`",
+        kinds={"c3d": read_c3d},
+        suffixes=(".c3d",),
+        ways=(Way("bytes", lambda data, path: is_c3d(data), read_c3d),),
+    ),
+)

@@ -16,6 +16,8 @@ from handtrack.errors import InputError, shown
 from handtrack.files import budget
 from handtrack.files.npz import read_npz
 from handtrack.hand.skeleton import N_JOINTS
+from handtrack.sequences.readers import numpy_file
+from handtrack.sequences.readers.catalogue import Format
 from handtrack.sequences.readers.raw import Array, NoFramesError, Raw, as_hand
 
 FILE_NAME = re.compile(r"labels_(\d{6})\.npz")
@@ -68,3 +70,17 @@ def _joints(path: Path) -> Array:
     if joints.shape != (1, N_JOINTS, 3) or joints.dtype.kind not in "fiu":
         raise InputError(f"{_KEY} has shape {joints.shape}, expected (1, 21, 3)", path)
     return np.asarray(joints, dtype=np.float64)
+
+
+FORMATS = (
+    Format(
+        "DexYCB",
+        "a camera's folder of `labels_*.npz`, or the folders above; `meta.yml` names the hand",
+        "freihand",
+        "m",
+        "one",
+        "file names",
+        kinds={"dexycb": numpy_file.read_npz},
+        numbered=(FILE_NAME, read_files),
+    ),
+)

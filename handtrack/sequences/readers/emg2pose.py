@@ -17,6 +17,7 @@ import numpy as np
 from handtrack.errors import InputError
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import as_side
+from handtrack.sequences.readers.catalogue import Format
 from handtrack.sequences.readers.hdf5_file import dataset, member
 from handtrack.sequences.readers.hdf5_texts import said
 from handtrack.sequences.readers.raw import Raw, stem
@@ -72,3 +73,16 @@ def read(file: Any, path: Path) -> list[Raw] | None:
 
 def _in_name(path: Path) -> Any:
     return as_side(path.stem.rpartition("_")[2])
+
+
+FORMATS = (
+    Format(
+        "emg2pose",
+        "`.hdf5` sessions, 2000 poses a second; joints in the wrist's frame",
+        "umetrack",
+        "m, angles in rad",
+        "one",
+        "`emg2pose/timeseries`",
+        "UmeTrack's `generic_hand_model.json` beside it (`--profile FILE`); extra `formats`",
+    ),
+)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import re
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,31 +12,22 @@ import msgspec
 
 from handtrack.errors import InputError
 from handtrack.files import budget
-from handtrack.sequences.readers import dexycb, keypoints_2d, panoptic, pickled
+from handtrack.sequences.readers import keypoints_2d, panoptic
+from handtrack.sequences.readers.catalogue import formats
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.raw import Raw
 from handtrack.sequences.readers.recognise import read_file
 from handtrack.sequences.readers.rosbag import METADATA, is_bag
 from handtrack.sequences.readers.single_frames import read_single_frames, together
 
-SUFFIXES = {
-    *(".npz", ".npy", ".csv", ".json", ".jsonl", ".ndjson", ".txt", ".mcap"),
-    *(".tar", ".gz", ".tgz", ".bz2", ".xz", ".hdf5", ".h5", ".trc", ".c3d", ".bvh"),
-    *(".parquet", ".bag"),
-}
-"""Files with other endings (videos, pictures, notes) are not looked into in a folder."""
 _NOT_DATA = ("readme", "license", "licence", "copying", "changelog", "notice")
 # Panoptic's bodies and faces, thousands of files beside the hands
 _OTHER_PANOPTIC = ("body3DScene_", "faceRecon3D_")
 
 
-# files that make one sequence by their names, and who reads them
-_NUMBERED = (
-    (dexycb.FILE_NAME, dexycb.read_files),
-    (pickled.FRANKMOCAP_NAME, pickled.read_frankmocap),
-    (pickled.HO3D_NAME, pickled.read_ho3d),
-    (keypoints_2d.FILE_NAME, keypoints_2d.read_openpose),
-)
+def _numbered() -> Iterator[tuple[re.Pattern[str], Callable[..., list[Raw]]]]:
+    """Files that make one sequence by their names, and who reads them."""
+    return (f.numbered for f in formats() if f.numbered is not None)
 
 
 @dataclass(frozen=True)
@@ -55,7 +47,7 @@ class Source:
     def read(self, frames: tuple[int, int] | None = None, kind: str | None = None) -> list[Raw]:
         """Its sequences; arguments and errors as `recognise.read_file`."""
         paths = [self.folder / name for name in self.names]
-        for name, read in _NUMBERED:
+        for name, read in _numbered():
             if name.fullmatch(self.names[0]):
                 return read(paths, self.folder, frames)
         if not self.people:
@@ -108,20 +100,20 @@ def may_be_data(name: str) -> bool:
     lower = name.lower()
     if is_ignored(name):
         return False
-    # pickles of other names are models and caches
-    return _is_numbered(name) or Path(lower).suffix in SUFFIXES
+    # other endings (videos, pictures, notes) are not looked into; pickles of other names are models
+    return _is_numbered(name) or Path(lower).suffix in {s for f in formats() for s in f.suffixes}
 
 
 def _is_numbered(name: str) -> bool:
     """Whether files of that name make a sequence with others by their format."""
-    return any(pattern.fullmatch(name) for pattern, _ in _NUMBERED)
+    return any(pattern.fullmatch(name) for pattern, _ in _numbered())
 
 
 def together_by_name(names: list[str]) -> list[list[str]]:
     """Files of a folder that is not at hand, as far as their names tell: those of formats with
     numbered files together, all others alone."""
     groups: list[list[str]] = []
-    for pattern in (*(pattern for pattern, _ in _NUMBERED), panoptic.FILE_NAME):
+    for pattern in (*(pattern for pattern, _ in _numbered()), panoptic.FILE_NAME):
         together = [name for name in names if pattern.fullmatch(name)]
         names = [name for name in names if not pattern.fullmatch(name)]
         groups += _by_video(together)
@@ -139,7 +131,7 @@ def _by_video(names: list[str]) -> list[list[str]]:
 def _groups(names: list[str], here: Path) -> Iterator[list[str]]:
     """Single files, and the numbered files of a sequence together."""
     numbered: dict[str, list[str]] = {}
-    for pattern, _ in _NUMBERED:
+    for pattern, _ in _numbered():
         together = [name for name in names if pattern.fullmatch(name)]
         names = [name for name in names if not pattern.fullmatch(name)]
         yield from _by_video(together)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from handtrack.hand.skeleton import N_JOINTS, Hand
+from handtrack.sequences.readers.catalogue import Format
 from handtrack.sequences.readers.raw import Raw, stem
 
 _HAND = re.compile(r"(?i)mediapipe_.*(left|right)_hand")
@@ -45,3 +46,15 @@ def holistic(array: Any, path: Path) -> list[Raw] | None:
         )
         for k, hand in enumerate(sides)
     ]
+
+
+FORMATS = (
+    Format(
+        "FreeMoCap, anipose, DeepLabCut",
+        "`mediapipe_right_hand_3d_xyz.npy` or `.csv`, `*_spatialXYZ.npy` of bodies; 3D tables",
+        "mediapipe, or by name",
+        "mm (FreeMoCap)",
+        "by name",
+        "file names, columns",
+    ),
+)

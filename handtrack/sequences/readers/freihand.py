@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from handtrack.sequences.readers.catalogue import Format
 from handtrack.sequences.readers.json_file import read_json
 from handtrack.sequences.readers.mano_params import read_freihand_mano
 from handtrack.sequences.readers.raw import NotJointsError, Raw
@@ -39,3 +40,16 @@ def read_freihand(data: bytes, path: Path) -> list[Raw]:
         raw.hand, raw.unit, raw.order = "right", "m", "freihand"
         raw.notes = (*raw.notes, "FreiHAND's pictures are unrelated: the frames are no motion")
     return raws
+
+
+FORMATS = (
+    Format(
+        "FreiHAND",
+        "`training_xyz.json`, `evaluation_xyz.json`",
+        "freihand",
+        "m",
+        "right",
+        "its name; otherwise a list of frames",
+        kinds={"freihand": read_freihand},
+    ),
+)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError, shown
 from handtrack.files import budget
+from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.raw import NotJointsError, Raw
 
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -154,3 +155,19 @@ def read_hdf5(path: Path) -> list[Raw]:
         f" such as joints_m, found {shown(there)}",
         path,
     )
+
+
+FORMATS = (
+    Format(
+        "EgoDex",
+        "`N.hdf5`: `transforms/NAME`, `confidences/NAME`, 30 frames a second; other arrays in HDF5"
+        " under the names of .npz",
+        "by name",
+        "m",
+        "both",
+        "file magic, `transforms`",
+        "extra `formats`",
+        ways=(Way("file", lambda head, path: head.startswith(HDF5_MAGIC), read_hdf5),),
+        suffixes=(".hdf5", ".h5"),
+    ),
+)

@@ -23,6 +23,7 @@ from handtrack.files import budget
 from handtrack.hand.rotations import matrix_to_vector, quaternion_to_matrix
 from handtrack.hand.skeleton import Hand
 from handtrack.sequences.clock import Stamps
+from handtrack.sequences.readers.catalogue import Format
 from handtrack.sequences.readers.mano_params import ManoValues
 from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, stem
 from handtrack.sequences.readers.umetrack import N_HINGES, Angles
@@ -165,3 +166,17 @@ def _left_out(times: list[Any], path: Path) -> NDArray[np.bool_]:
             if good is False:
                 out.add(cells[0])
     return np.array([str(t) in out for t in times], dtype=bool)
+
+
+FORMATS = (
+    Format(
+        "HOT3D",
+        "`umetrack_hand_pose_trajectory.jsonl`, `mano_hand_pose_trajectory.jsonl`; frames that"
+        " `masks/` leave out are missing; HOT3D-Clips' .tar, with the profile in it",
+        "umetrack; by your MANO",
+        "m",
+        "both",
+        "`hand_poses` in the JSON",
+        "the profile beside it (`--profile FILE`); `--mano DIR`",
+    ),
+)

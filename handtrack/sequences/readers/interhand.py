@@ -16,6 +16,7 @@ import numpy as np
 
 from handtrack.errors import InputError, shown
 from handtrack.hand.skeleton import N_JOINTS, Hand
+from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.raw import NotJointsError, Raw
 
@@ -116,3 +117,26 @@ def _valid(given: list[Any], where: str, path: Path) -> Any:
     if len(valid) != 2 * N_JOINTS:
         raise InputError(f"{where}: joint_valid has {len(valid)} numbers, expected 42", path)
     return valid > 0
+
+
+FORMATS = (
+    Format(
+        "InterHand2.6M",
+        "`*_joint_3d.json`",
+        "interhand",
+        "mm",
+        "both",
+        "`world_coord` in the JSON",
+        kinds={"interhand": read_interhand},
+        ways=(Way("fields", lambda fields, data: is_interhand(fields), read_interhand),),
+    ),
+    Format(
+        "AssemblyHands",
+        "`assemblyhands_*_joint_3d*.json`",
+        "interhand",
+        "mm",
+        "both",
+        "`annotations` of `world_coord`",
+        kinds={"assemblyhands": read_interhand},
+    ),
+)

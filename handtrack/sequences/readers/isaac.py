@@ -13,6 +13,7 @@ import struct
 
 import numpy as np
 
+from handtrack.sequences.readers.catalogue import Format
 from handtrack.sequences.readers.robot_messages import Message, Poses
 
 SCHEMA = "core.HandPoseRecord"
@@ -66,3 +67,15 @@ def _field(data: bytes, table: int, number: int) -> int | None:
         return None
     (step,) = struct.unpack_from("<H", data, fields + entry)
     return table + step if step else None
+
+
+FORMATS = (
+    Format(
+        "IsaacTeleop",
+        "MCAP with FlatBuffers `core.HandPoseRecord`, `hands/left_hand` and `hands/right_hand`",
+        "openxr",
+        "m",
+        "both",
+        "name of the schema",
+    ),
+)

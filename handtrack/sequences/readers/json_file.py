@@ -34,6 +34,7 @@ from handtrack.sequences.readers import (
     visionpro,
 )
 from handtrack.sequences.readers.both_hands import of_sides, two_hands
+from handtrack.sequences.readers.catalogue import Format
 from handtrack.sequences.readers.fields import as_frames, from_fields
 from handtrack.sequences.readers.flat_json import with_depth
 from handtrack.sequences.readers.found import CONTAINERS, MOST_HANDS, MOST_NAMES, hands_in
@@ -54,6 +55,11 @@ _NUMBER = re.compile(r"(?i)((?:frame|f|image|img|t)?[_ ]?)(\d{1,12})")
 _LARGE = 1_000_000
 _OF_NOTHING = b" \t\r\nnul{}[],"
 """What lines of null, {} and [] are made of: whatever says something needs more."""
+
+
+def read_any(data: bytes, path: Path) -> list[Raw]:
+    """JSON or JSON lines; errors as these."""
+    return read_lines(data, path) if is_lines(data) else read_json(data, path)
 
 
 def is_lines(data: bytes) -> bool:
@@ -264,3 +270,28 @@ def _numbered(value: dict[str, Any]) -> list[Any]:
     if not any(map(hands_in, numbers.values())):
         return []
     return [{"frame": n} | (numbers[n] or {}) for n in sorted(numbers)]
+
+
+FORMATS = (
+    Format(
+        "JSON, JSON lines",
+        "frames of 21 x 3 or 63 numbers, of `{x, y, z}`, of joints by name (MediaPipe's, OpenXR's,"
+        " Unity's, Ultraleap's, ARKit's and more, in any case and style), one hand or both under"
+        " `hands`, `left`, `handedness` ...; null and empty records are missing frames;"
+        " FreiHAND's `*_xyz.json`",
+        "handtrack, or by name",
+        "m",
+        "one or both",
+        "its text",
+        suffixes=(".json", ".jsonl", ".ndjson"),
+    ),
+    Format(
+        "WebXR, OpenXR, MRTK",
+        "JSON lines of named joints, or of 25 or 26; one hand a line or both",
+        "by name, webxr, openxr",
+        "m",
+        "one or both",
+        "names of joints",
+        kinds={"webxr": read_any, "openxr": read_any},
+    ),
+)

@@ -12,18 +12,20 @@ x, y, visibility; results of detectors are lists of `{image_id, keypoints, score
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from handtrack.errors import InputError
 from handtrack.files import budget
 from handtrack.hand.skeleton import N_JOINTS, Hand
+from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.jsontext import decode
-from handtrack.sequences.readers.panoptic import FRAME, Frames, in_range
+from handtrack.sequences.readers.panoptic import FRAME, Frames, holds_pixels, in_range
 from handtrack.sequences.readers.pictures import flat
 from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, stem
 
@@ -71,10 +73,14 @@ def read_openpose(paths: Iterable[Path], folder: Path, frames: Frames = None) ->
     return _raws(hands, [n for n, _ in chosen], folder, name)
 
 
-def read_one(value: dict[str, Any], path: Path) -> list[Raw]:
+def _is_frame(fields: Mapping[str, msgspec.Raw], data: bytes) -> bool:
+    return "people" in fields and holds_pixels(fields)
+
+
+def read_one(data: bytes, path: Path) -> list[Raw]:
     """The hands in one of OpenPose's files; errors as `read_openpose`."""
     hands: dict[_Key, _Seen] = {}
-    _add_people(hands, 0, value, path)
+    _add_people(hands, 0, decode(data, dict[str, Any], path), path)
     return _raws(hands, [0], path, stem(path))
 
 
@@ -231,3 +237,21 @@ def _raws(hands: dict[_Key, _Seen], numbers: list[int], path: Path, name: str) -
         raw.frame_index, raw.confidence = index, np.clip(sure, 0, 1)
         found.append(flat(raw))
     return found
+
+
+FORMATS = (
+    Format(
+        "Landmarks in pictures: MediaPipe, OpenPose, mmpose, COCO-WholeBody",
+        "tables, JSON, .npy and .npz of x and y (with MediaPipe's z or without), in pixels or"
+        " shares of the picture; OpenPose's `*_keypoints.json` (`hand_left_keypoints_2d` ...), a"
+        " folder of them; mmpose's `instance_info` (21 or 133 points); COCO's `keypoints`,"
+        " `lefthand_kpts`",
+        "handtrack, or by name",
+        "px",
+        "both, of several people",
+        "no z, or a wrist whose z is always 0",
+        "`--camera LENS`, or `--image-size WxH` and `--fov`",
+        numbered=(FILE_NAME, read_openpose),
+        ways=(Way("fields", _is_frame, read_one),),
+    ),
+)

@@ -22,6 +22,7 @@ from handtrack.errors import InputError, shown
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
 from handtrack.sequences.clock import Stamps
+from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.raw import Array, Raw, stem
 
@@ -217,3 +218,17 @@ def _raw(hand: Hand, moments: list[Moment], places: list[str], path: Path) -> Ra
     if len(numbers) == len(moments):
         raw.frame_index = frame_numbers(numbers, len(numbers), path, "f")
     return raw
+
+
+FORMATS = (
+    Format(
+        "Hand Tracking Streamer (Quest, PICO)",
+        "lines `Right wrist:, 7 numbers` and `Right landmarks:, 63 numbers`; a file of them, or"
+        " `live --udp PORT`, `live --stdin`",
+        "handtrack",
+        "m, turned out of Unity's left-handed world",
+        "both",
+        "its text",
+        ways=(Way("text", lambda data, path: is_landmark_line(data), read_landmark_lines),),
+    ),
+)

@@ -19,6 +19,7 @@ import numpy as np
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.clock import Stamps
+from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.jsontext import decode, misfit
 from handtrack.sequences.readers.raw import (
     Array,
@@ -235,3 +236,18 @@ def _rate(frames: list[_LeapFrame], recording: _Recording, path: Path) -> float 
         return float(np.median(rates))
     stated = None if recording.metadata is None else recording.metadata.frame_rate
     return None if stated is None else as_fps(stated, path)
+
+
+FORMATS = (
+    Format(
+        "Leap Motion",
+        "LeapJS playback .json (no wrist); frames of Ultraleap's service, digits of bones from"
+        " `prev_joint` to `next_joint`",
+        "by name",
+        "mm",
+        "both",
+        "`frames` in the JSON, `prev_joint`",
+        kinds={"leap": read_leap},
+        ways=(Way("fields", lambda fields, data: "frames" in fields and is_leap(data), read_leap),),
+    ),
+)

@@ -12,11 +12,15 @@ from handtrack.errors import InputError
 from handtrack.mcap.hands import METADATA, OURS, STATE, HandDecoder, Hands
 from handtrack.mcap.walk import Walk
 from handtrack.sequences.readers import mcap_json
+from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.raw import NotJointsError, Raw, stem
 from handtrack.sequences.readers.robot_logs import RobotLog, understood
 
 if TYPE_CHECKING:
     from mcap.records import Channel
+
+
+MCAP_MAGIC = b"\x89MCAP"
 
 
 def read_mcap(path: Path) -> list[Raw]:
@@ -95,3 +99,17 @@ def _observed(hand: HandDecoder, path: Path) -> Raw:
         truth=None if truth is None else np.array(truth),
         subject=frames.head.subject,
     )
+
+
+FORMATS = (
+    Format(
+        "handtrack's own MCAP",
+        "the observed joints, to be tracked again",
+        "handtrack",
+        "m",
+        "both",
+        "its metadata",
+        suffixes=(".mcap",),
+        ways=(Way("file", lambda head, path: head.startswith(MCAP_MAGIC), read_mcap),),
+    ),
+)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.clock import Stamps
+from handtrack.sequences.readers.catalogue import Format
 from handtrack.sequences.readers.found import hands_in, is_blank
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.raw import (
@@ -251,3 +252,15 @@ def _numbers(numbers: list[int | None]) -> Any:
         return None
     index = np.array(numbers, dtype=np.int64)
     return index if (np.diff(index) > 0).all() else None
+
+
+FORMATS = (
+    Format(
+        "MCAP of JSON messages",
+        "one topic per hand",
+        "handtrack",
+        "m",
+        "both",
+        "file magic",
+    ),
+)

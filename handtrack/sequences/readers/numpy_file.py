@@ -10,10 +10,14 @@ import numpy as np
 from handtrack.files import npz
 from handtrack.sequences.readers import freemocap, mano_params, visionpro
 from handtrack.sequences.readers.both_hands import by_frame, of_sides, two_hands
+from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.fields import as_frames, from_fields
 from handtrack.sequences.readers.json_file import flat_too
 from handtrack.sequences.readers.raw import Raw, stem
 from handtrack.sequences.titles import joints_key
+
+NPY_MAGIC = b"\x93NUMPY"
+ZIP_MAGIC = b"PK\x03\x04"
 
 
 def read_npy(data: bytes, path: Path) -> list[Raw]:
@@ -64,3 +68,34 @@ def _scalar(value: Any) -> Any:
     """0-d arrays as plain values, so that text looks the same in npz and JSON."""
     plain = value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
     return plain.decode("utf-8", "replace") if isinstance(plain, bytes) else plain
+
+
+FORMATS = (
+    Format(
+        "NumPy, any detector",
+        ".npz with `joints_m`, `joints`, `landmarks`, `keypoints` ... (+ `fps`, times, `hand`,"
+        " `confidence`, `truth_m`), of both hands `left_joints_m` and `right_joints_m` ...; .npy;"
+        " of one hand or of 42 joints; a folder of `joints_N.npy` or `.txt`, a frame each;"
+        " pickles of such arrays, lists and objects",
+        "handtrack",
+        "m",
+        "one or both",
+        "file magic",
+        suffixes=(".npz", ".npy"),
+        ways=(
+            Way("bytes", lambda data, path: data.startswith(NPY_MAGIC), read_npy),
+            Way("bytes", lambda data, path: data.startswith(ZIP_MAGIC), read_npz),
+        ),
+    ),
+    Format(
+        "MANO parameters",
+        ".npz: `poses`, or `global_orient` and `hand_pose` (rotation vectors, matrices or"
+        " principal components), `betas`, `transl`, `flat_hand_mean`; FreiHAND's `*_mano.json`",
+        "by your MANO",
+        "m",
+        "one",
+        "names of arrays",
+        "`--mano DIR`",
+        kinds={"mano": read_npz},
+    ),
+)

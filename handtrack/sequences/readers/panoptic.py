@@ -8,7 +8,7 @@ as in the Panoptic toolbox.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,6 +18,7 @@ import numpy as np
 from handtrack.errors import InputError
 from handtrack.files import budget
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
+from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.raw import Array, NoFramesError, NotJointsError, Raw, stem
 
@@ -67,6 +68,15 @@ def prefix(name: str) -> str | None:
     """A numbered file's name without the number; files that share it make one sequence."""
     match = _NUMBERED.fullmatch(name)
     return None if match is None else match[1]
+
+
+def holds_pixels(fields: Mapping[str, msgspec.Raw]) -> bool:
+    """Whether people of a file in JSON are of OpenPose, in a picture, and not of Panoptic."""
+    return b"keypoints_" in bytes(fields["people"])
+
+
+def _is_frame(fields: Mapping[str, msgspec.Raw], data: bytes) -> bool:
+    return "people" in fields and not holds_pixels(fields)
 
 
 def read_file(data: bytes, path: Path) -> list[Raw]:
@@ -190,3 +200,24 @@ def _per_joint(
     if len(values) != N_JOINTS:
         raise InputError(f"{what} has {len(values)} numbers, expected 21", path)
     return np.array(values, dtype=np.float64)
+
+
+FORMATS = (
+    Format(
+        "CMU Panoptic",
+        "`hdHand3d/handRecon3D_hd*.json`: one, a folder, a .tar(.gz)",
+        "openpose",
+        "cm",
+        "both, of several people",
+        "`people` in the JSON",
+        kinds={"panoptic": read_file},
+        suffixes=(".tar", ".gz", ".tgz", ".bz2"),
+        ways=(
+            Way(
+                "fields",
+                _is_frame,
+                read_file,
+            ),
+        ),
+    ),
+)

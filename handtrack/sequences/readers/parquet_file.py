@@ -25,6 +25,7 @@ from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import as_side, words
 from handtrack.sequences.readers import text_table
 from handtrack.sequences.readers.both_hands import two_hands
+from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.exported import OBSERVED, TRUTH
 from handtrack.sequences.readers.raw import NotJointsError, Raw, as_fps, stem, take_rows
 
@@ -294,3 +295,18 @@ def _names(info: dict[str, Any], column: str, values: NDArray[np.float64]) -> li
     if not isinstance(names, list) or len(names) != values.shape[1] or len(set(names)) < len(names):
         return []
     return [str(name) for name in names]
+
+
+FORMATS = (
+    Format(
+        "LeRobot, Parquet",
+        "a column of 63, 126 or 21 x 3 numbers a row (`observation.state` ...), or of more that"
+        " `meta/info.json` names as joints; each episode a sequence; or the columns of a CSV table",
+        "handtrack, or by name",
+        "m, or as the columns say (`wrist_x_mm`)",
+        "one or both",
+        "file magic",
+        suffixes=(".parquet",),
+        ways=(Way("file", lambda head, path: head.startswith(PARQUET_MAGIC), read_parquet),),
+    ),
+)

@@ -25,6 +25,7 @@ from handtrack.errors import InputError, shown
 from handtrack.files import budget
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
 from handtrack.hand.unpickle import plain, unpickle
+from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.json_file import from_value
 from handtrack.sequences.readers.raw import Array, NoFramesError, NotJointsError, Raw
 
@@ -35,6 +36,12 @@ _TO_OPENCV = np.array([1.0, -1.0, -1.0])
 _HO3D, _FRANKMOCAP = "handJoints3D", "pred_output_list"
 _JOINTS = "pred_joints_smpl"
 Frames = tuple[int, int] | None
+
+
+def is_pickle(data: bytes, path: Path) -> bool:
+    """Whether a file is one: protocols 0 and 1 have no mark of their own, but by their names."""
+    named = path.suffix in (".pkl", ".pickle")
+    return (named or data[:1] == b"\x80") and data[-1:] == b"."
 
 
 def read_pickle(data: bytes, path: Path) -> list[Raw]:
@@ -202,3 +209,28 @@ def _points(value: Any, path: Path, what: str) -> Array:
     except (LookupError, OverflowError, RecursionError, TypeError, ValueError) as error:
         raise InputError(f"{what}: {shown(str(error))}, expected numbers", path) from None
     return array.astype(np.float64)
+
+
+FORMATS = (
+    Format(
+        "HO-3D",
+        "a `meta` folder of .pkl, or the folders above; nothing in a pickle is run",
+        "mano",
+        "m, turned to OpenCV's axes",
+        "right",
+        "file names, `handJoints3D`",
+        kinds={"ho3d": read_pickle},
+        numbered=(HO3D_NAME, read_ho3d),
+        ways=(Way("bytes", is_pickle, read_pickle),),
+    ),
+    Format(
+        "FrankMocap's output",
+        "a folder of `*_prediction_result.pkl` (`--save_pred_pkl`)",
+        "openpose",
+        "m, about the hand's middle",
+        "both",
+        "file names",
+        kinds={"frankmocap": read_pickle},
+        numbered=(FRANKMOCAP_NAME, read_frankmocap),
+    ),
+)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from handtrack.errors import InputError, shown
+from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.raw import NotJointsError, Raw
 from handtrack.sequences.readers.robot_logs import RobotLog, understood
 
@@ -19,6 +20,11 @@ SQLITE_MAGIC = b"SQLite format 3\0"
 METADATA = "metadata.yaml"
 BAG_MARK = b"rosbag2_bagfile_information"
 _ROS1 = "ros1"
+
+
+def is_bag_file(head: bytes, path: Path) -> bool:
+    """Whether a file that begins so is a bag or part of one."""
+    return head.startswith((BAG_MAGIC, SQLITE_MAGIC)) or BAG_MARK in head
 
 
 def is_bag(folder: Path) -> bool:
@@ -106,3 +112,21 @@ def _opened(path: Path) -> Iterator[Any]:
         *(AssertionError, OverflowError, MemoryError, zlib.error),
     ) as error:
         raise InputError(f"the bag is damaged ({shown(str(error), 120)})", path) from None
+
+
+FORMATS = (
+    Format(
+        "ROS 2 and Foxglove logs",
+        "MCAP with `geometry_msgs/PoseArray`, `visualization_msgs/MarkerArray`, TF of frames named"
+        " as joints, `foxglove.PosesInFrame` or `FrameTransforms`; a topic, or names, for each"
+        " hand; a topic of `PoseStamped` or `PointStamped` for each joint; ROS 2 bags (folders with"
+        " metadata.yaml) and ROS 1's .bag; rosbridge's JSON of the same",
+        "by their number or by name",
+        "m",
+        "both",
+        "names of schemas",
+        'bags: extra `formats` (pip install "handtrack[formats]")',
+        suffixes=(".bag",),
+        ways=(Way("file", is_bag_file, read_bag),),
+    ),
+)

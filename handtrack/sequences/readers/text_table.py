@@ -23,6 +23,7 @@ import numpy as np
 from handtrack.errors import InputError
 from handtrack.sequences.readers.aria import InDevice
 from handtrack.sequences.readers.bare_table import read_bare
+from handtrack.sequences.readers.catalogue import Format
 from handtrack.sequences.readers.exported import exported
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.long_columns import long_columns
@@ -180,3 +181,37 @@ def _joints(table: Table, titles: list[str], places: HandColumns) -> tuple[Array
         rows = slice(None) if joint == -1 else joint
         confidence[:, rows] *= column[:, None] if joint == -1 else column
     return joints, usable_confidence(confidence)
+
+
+FORMATS = (
+    Format(
+        "CSV, tables",
+        "columns by name or number (`wrist_x`, `INDEX_FINGER_MCP.x`, `x1` ... `z21`), of one hand"
+        " or both; a row for each joint (`frame, hand, joint, x, y, z`); cells of `[x, y, z]`; 63"
+        " or 126 bare numbers a line; commas, semicolons with decimal commas, tabs",
+        "handtrack, or by name",
+        "m, or as the columns say (`wrist_x_mm`)",
+        "one or both",
+        "its text",
+        suffixes=(".csv", ".txt"),
+    ),
+    Format(
+        "Manus Core, Rokoko",
+        "CSV of joints (`Thumb_CMC_Position_X`, `Thumb_CMC_X`, `LeftFinger1Proximal_position_x`);"
+        " rotations, velocities and pinches are left out",
+        "by name",
+        "cm (Manus), m (Rokoko)",
+        "by name, or by the file's name",
+        "its titles",
+        "`--mirror` where the world is left-handed",
+    ),
+    Format(
+        "First-person hand action (FPHA)",
+        "`skeleton.txt`",
+        "fpha",
+        "mm",
+        "right",
+        "64 numbers a line",
+        kinds={"fpha": read_table},
+    ),
+)

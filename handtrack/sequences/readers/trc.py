@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from handtrack.errors import InputError, shown
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import UNITS
+from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.jsontext import as_utf8
 from handtrack.sequences.readers.markers import Markers
@@ -141,3 +142,19 @@ def _values(
     titles = ["Frame#", "Time", *(f"{n} {a}" for n in names for a in "xyz")]
     table = Table(lines, places, mark, titles, [], path)
     return table.numbers(range(width), titles)
+
+
+FORMATS = (
+    Format(
+        "Motion capture: .trc",
+        "markers named as joints, or by a file of pairs; also without wrist or tips",
+        "by name",
+        "as the file says",
+        "by name",
+        "`PathFileType`",
+        "`--markers FILE` for other names",
+        kinds={"trc": read_trc},
+        suffixes=(".trc",),
+        ways=(Way("text", lambda data, path: data.startswith(START), read_trc),),
+    ),
+)

@@ -20,6 +20,7 @@ from handtrack.errors import InputError
 from handtrack.hand.skeleton import HANDS, N_JOINTS, ORDERS, Hand
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import UNUSED, joint_name, settle, words
+from handtrack.sequences.readers.catalogue import Format
 from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, stem
 
 _JOINTS, _WRIST = ("fingers", "arm"), "wrist"
@@ -153,3 +154,16 @@ def _raw(joints: Array, hand: Hand, path: Path, stamps: Stamps | None) -> Raw:
         stamps=stamps,
         tagged=True,
     )
+
+
+FORMATS = (
+    Format(
+        "VisionProTeleop",
+        "`tracking.jsonl`, or its stream's arrays (`right_fingers`, `right_wrist` ...) in .npz or"
+        " HDF5; brought from the wrist's frame into the world",
+        "by name",
+        "m",
+        "both",
+        "`headMatrix` in the JSON, names of arrays",
+    ),
+)
