@@ -85,7 +85,8 @@ def hand_for(
         return Chosen(model, how, "given" if how == "none" else "own", {})
     base = settings.models.of(sequence.hand)
     hand = pooled_hand(place, pooled.name, pooled.digest, base)
-    hand, _ = seen_by(hand, settings.tracking.detector, sequence.detector)
+    hand, profile = seen_by(hand, settings.tracking.detector, sequence.detector)
+    sequence = sequence.corrected(profile)
     try:
         found = explain(hand, sequence, EXPLAINED)
     except InputError:  # too few joints to judge by, which is no reason not to track

@@ -166,6 +166,7 @@ def _found(
     base = settings.models.of(chosen[0].hand)
     base, profile = seen_by(base, settings.tracking.detector, chosen[0].detector)
     noise = None if profile is None else profile.noise
+    chosen = [clip.corrected(profile) for clip in chosen]
     calibration = calibrate(base, chosen, method, frames=frames, noise=noise)
     about: dict[str, object] = _told(calibration) | {"sources": [s.source for s in chosen]}
     if calibration.method in ("full", "lengths"):

@@ -20,6 +20,7 @@ from handtrack.errors import InputError, SettingsError
 if TYPE_CHECKING:
     from handtrack import HandModel, Sequence
     from handtrack.cli.models import Models
+    from handtrack.detectors.profile import Profile
 
 
 @click.command(
@@ -86,13 +87,20 @@ def calibrate(
     check_target(output, ".json", "-o", [Path(s.source) for s in sequences if s.source])
     _check_one_subject(sequences)
     with compiling_said(quiet or as_json):
+        from handtrack.detectors.chosen import chosen_profile
         from handtrack.fitting.fit import warm_up
 
         warm_up()
-        hand, found, notes = _calibrated(models, sequences, method, detector)
+        profile = (
+            None
+            if models.mano(sequences[0].hand)
+            else chosen_profile(detector, sequences[0].detector)
+        )
+        fitted = [sequence.corrected(profile) for sequence in sequences]
+        hand, found, notes = _calibrated(models, fitted, method, profile)
         from handtrack.calibration.explain import doubt, explain
 
-        found |= explain(hand, sequences).summary()
+        found |= explain(hand, fitted).summary()
         doubtful = doubt(found)
         if doubtful is not None:
             one = "; or are the clips of different people?" if len(sequences) > 1 else ""
@@ -140,16 +148,14 @@ def _check_one_subject(sequences: list[Sequence]) -> None:
 
 
 def _calibrated(
-    models: Models, sequences: list[Sequence], method: str, detector: str
+    models: Models, sequences: list[Sequence], method: str, profile: Profile | None
 ) -> tuple[HandModel, dict[str, object], list[str]]:
     """The hand, what was found as JSON values, and what the user should know."""
     import handtrack as ht
-    from handtrack.detectors.chosen import chosen_profile
 
     hand = sequences[0].hand
     mano = models.mano(hand)
     if mano is None:
-        profile = chosen_profile(detector, sequences[0].detector)
         model = models.of(hand) if profile is None else profile.on(models.of(hand))
         noise = None if profile is None else profile.noise
         result = ht.calibrate(model, sequences, method, noise=noise)

@@ -278,7 +278,9 @@ def _hand(
         return model
     methods: dict[Any, str] = {True: "auto", False: "scale"}
     noise_of = None if profile is None else profile.noise
-    return ht.calibrate(model, points, methods.get(method, method), noise=noise_of).model
+    return ht.calibrate(
+        model, points.corrected(profile), methods.get(method, method), noise=noise_of
+    ).model
 
 
 def _say(followed: Followed, views: Views, median_px: float) -> None:

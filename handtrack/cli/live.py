@@ -257,7 +257,7 @@ def _tracker(
     if profile is not None:
         model = profile.on(model)
     if models.file is not None:  # a subject's own hand has its size
-        return Tracker(model, settings=settings)
+        return Tracker(model, settings=settings, profile=profile)
     # as large as the hand that is seen
     ratio = size * HandModel.default(hand).size / model.size
-    return Tracker(model.scaled(ratio), settings=settings)
+    return Tracker(model.scaled(ratio), settings=settings, profile=profile)

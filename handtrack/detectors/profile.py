@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from importlib import resources
@@ -12,12 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.detectors.correction import N_PLACES, Correction
 from handtrack.errors import InputError, SettingsError, shown
 from handtrack.files.texts import parse_json, read_json
 from handtrack.files.whole import whole_file
 from handtrack.hand.axes import rest_frames
 from handtrack.hand.model import HandModel
-from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS
+from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS, Hand
 
 Array = NDArray[np.float64]
 
@@ -110,6 +112,8 @@ class Profile:
             back), in palm lengths (`HandModel.size`). For left hands alike.
         noise: what is left.
         evidence: what it was estimated from, and what it gained: plain JSON values by name.
+        correction: how errors go with the pose that the detector sees; its noise is then what
+            is left of corrected landmarks. None where that is not known.
     """
 
     name: str
@@ -118,6 +122,7 @@ class Profile:
     offsets: Array
     noise: Noise
     evidence: Mapping[str, Any] = field(default_factory=dict)
+    correction: Correction | None = None
 
     def __post_init__(self) -> None:
         if self.input not in INPUTS:
@@ -134,6 +139,10 @@ class Profile:
         moved = np.einsum("jik,jk->ji", frames, self.offsets) * model.size
         return replace(model, landmark_offsets=moved)
 
+    def corrected(self, joints: Array, hand: Hand) -> Array:
+        """(T, 21, 3) joints as detected, without what goes with the pose [m]; NaN = missing."""
+        return joints if self.correction is None else self.correction.of(joints, hand)
+
 
 FORMAT, VERSION = "handtrack detector profile", 1
 NO_PROFILE = "none"
@@ -144,6 +153,7 @@ _ROWS = {"constant_mm": "constant", "fading_mm": "fading", "white_mm": "white", 
 _NUMBERS = ("fades_s", "view", "finger", "outliers", "scale", "scale_fades_s")
 # numbers are written to so many digits
 _DIGITS = 4
+_LIST = re.compile(r"\[[^\[\]{}\"]*\]")
 
 
 def shipped() -> tuple[str, ...]:
@@ -197,11 +207,43 @@ def save_profile(profile: Profile, path: str | Path) -> Path:
         | {name: round(getattr(noise, name), _DIGITS) for name in _NUMBERS},
         "evidence": dict(profile.evidence),
     }
-    text = json.dumps(content, indent=1, allow_nan=False) + "\n"
+    if profile.correction is not None:
+        content["correction"] = _written(profile.correction)
+    text = _LIST.sub(_on_a_line, json.dumps(content, indent=1, allow_nan=False)) + "\n"
     path.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
     return path
+
+
+def _written(correction: Correction) -> dict[str, Any]:
+    """The mean of a hand by joints; the slopes of each joint's three coordinates, a row each."""
+    slopes = correction.slope.reshape(len(JOINT_NAMES), 3, N_PLACES)
+    parts = {name: getattr(correction, name) for name in ("mean", "spread", "shift")}
+    return {name: _named(values) for name, values in {**parts, "slope": slopes}.items()}
+
+
+def _correction(content: Any, path: Path) -> Correction | None:
+    if content is None:
+        return None
+    said = _object(content, "correction", path)
+    parts = {n: _rows(said.get(n), f"correction.{n}", path) for n in ("mean", "spread", "shift")}
+    by_joint = _object(said.get("slope"), "correction.slope", path)
+    rows = []
+    for joint in JOINT_NAMES:
+        name = f"correction.slope.{joint}"
+        given = by_joint.get(joint)
+        if not isinstance(given, list) or len(given) != 3:
+            raise InputError(f"{name} expects 3 rows of {N_PLACES} numbers", path)
+        for row in given:
+            if not isinstance(row, list) or len(row) != N_PLACES:
+                raise InputError(f"{name} expects 3 rows of {N_PLACES} numbers", path)
+            rows.append([_number(x, name, path) for x in row])
+    return Correction(**parts, slope=np.array(rows))
+
+
+def _on_a_line(numbers: re.Match[str]) -> str:
+    return re.sub(r"\s+", " ", numbers[0]).replace("[ ", "[").replace(" ]", "]")
 
 
 def _resource(name: str) -> Any:
@@ -235,6 +277,7 @@ def _parsed(content: Any, path: Path) -> Profile:
             offsets=offsets,
             noise=Noise(**told),
             evidence=evidence,
+            correction=_correction(content.get("correction"), path),
         )
     except InputError as error:
         raise InputError(str(error), path) from None
@@ -261,7 +304,7 @@ def _rows(value: Any, name: str, path: Path) -> NDArray[np.float64]:
             f" handtrack, {JOINT_NAMES[0]} to {JOINT_NAMES[-1]}",
             path,
         )
-    wide = name in ("offsets", "noise.bone")
+    wide = name == "noise.bone" or not name.startswith("noise.")
     rows = []
     for joint in JOINT_NAMES:
         given = by_joint[joint]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,11 @@ from handtrack.calibration.calibrate import calibrate
 from handtrack.detectors.profile import IN_SPACE, ONE_CAMERA, Noise, Profile
 from handtrack.errors import InputError
 from handtrack.evaluation.alignment import procrustes
+from handtrack.evaluation.landmark_corrections import Example, learn
 from handtrack.fitting.fit import fit_batch
 from handtrack.hand.axes import rest_frames
 from handtrack.hand.model import HandModel
-from handtrack.hand.skeleton import ARRIVING, N_JOINTS
+from handtrack.hand.skeleton import ARRIVING, N_JOINTS, Hand
 from handtrack.sequences.sequence import Sequence
 
 Array = NDArray[np.float64]
@@ -176,6 +177,8 @@ class Seen:
         time_ns: (T,).
         size: palm length of the true hand [m].
         view: (3,) viewing direction in the axes of `joints`, or None.
+        hand: left or right.
+        person: whose hand it is; by the sequence's name where its subject is not known.
     """
 
     name: str
@@ -185,6 +188,8 @@ class Seen:
     time_ns: NDArray[np.int64]
     size: float
     view: Array | None
+    hand: Hand
+    person: str
 
     def landmarks(self, offsets: Array) -> Array:
         """(T, 21, 3) where offsets put the landmarks."""
@@ -234,6 +239,8 @@ class Seen:
             detected.time_ns[whole],
             hand.size,
             view,
+            detected.hand,
+            detected.subject or detected.name,
         )
 
 
@@ -287,6 +294,17 @@ def errors_of(seen: Seen, offsets: Array, input: str) -> Errors:
     )
 
 
+def _expected(seen: Seen, offsets: Array, input: str) -> Array:
+    """(T, 21, 3) landmarks as offsets expect them, brought onto the detections.
+
+    Where a whole hand is put does not go with its pose, and would be noise to learn from.
+    """
+    landmarks = seen.landmarks(offsets)
+    scale, turn, shift = procrustes(landmarks, seen.joints, scale=input == ONE_CAMERA)
+    moved = np.einsum("tij,tnj->tni", turn, landmarks)
+    return np.asarray(scale[:, None, None] * moved + shift[:, None])
+
+
 def estimate_profile(
     clips: Iterable[Seen], name: str, detector: str = "", input: str = IN_SPACE
 ) -> Profile:
@@ -306,15 +324,26 @@ def estimate_profile(
             f"{frames} frames have all 21 joints detected and true, a profile needs {LEAST_FRAMES}"
         )
     offsets = offsets_of(given, input)
-    noise: Noise = noise_of([errors_of(c, offsets, input) for c in given], input == ONE_CAMERA)
-    before, after = (
-        float(np.mean([np.linalg.norm(errors_of(c, o, input).off, axis=-1).mean() for c in given]))
-        for o in (np.zeros_like(offsets), offsets)
+    learnt = learn(
+        [Example(c.joints, _expected(c, offsets, input), c.hand, c.person) for c in given]
     )
-    evidence = {
+    left = given
+    if learnt is not None:  # noise is what is left of people who are not known
+        left = [replace(c, joints=j) for c, j in zip(given, learnt.unknown, strict=True)]
+    noise: Noise = noise_of([errors_of(c, offsets, input) for c in left], input == ONE_CAMERA)
+    evidence: dict[str, float] = {
         "clips": len(given),
         "frames": frames,
-        "without_mm": round(1e3 * before, 2),
-        "with_mm": round(1e3 * after, 2),
+        "without_mm": _off_mm(given, np.zeros_like(offsets), input),
+        "with_mm": _off_mm(given, offsets, input),
     }
+    if learnt is not None:
+        evidence["corrected_mm"] = _off_mm(left, offsets, input)
+        return Profile(name, detector or name, input, offsets, noise, evidence, learnt.correction)
     return Profile(name, detector or name, input, offsets, noise, evidence)
+
+
+def _off_mm(clips: list[Seen], offsets: Array, input: str) -> float:
+    """Mean distance of landmarks to where offsets expect them, of clips alike [mm]."""
+    off = [np.linalg.norm(errors_of(c, offsets, input).off, axis=-1).mean() for c in clips]
+    return round(1e3 * float(np.mean(off)), 2)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from handtrack.errors import InputError
 from handtrack.files.long_arrays import blocks, by_blocks
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
+
+if TYPE_CHECKING:
+    from handtrack.detectors.profile import Profile
 
 Array = NDArray[np.float64]
 RemarkKind = Literal["exchanged", "other"]
@@ -156,6 +159,13 @@ class Sequence:
             InputError: no frame lies there.
         """
         return self.at(frames_between(self.time_ns, start_s, end_s))
+
+    def corrected(self, profile: Profile | None) -> Sequence:
+        """The sequence with its joints as the detector's profile corrects them."""
+        if profile is None or profile.correction is None:
+            return self
+        joints = by_blocks(lambda part: profile.corrected(part, self.hand), self.joints)
+        return replace(self, joints=joints)
 
     def at(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> Sequence:
         """Some of the frames, as a mask or by their places, increasing.

@@ -78,10 +78,11 @@ def track(
             sequence.source or None,
         )
     model, profile = seen_by(model, chosen.detector, sequence.detector)
-    hand, found, notes, open_rest = _subject(model, sequence, chosen.calibration, profile)
+    fitted = sequence.corrected(profile)
+    hand, found, notes, open_rest = _subject(model, fitted, chosen.calibration, profile)
     if profile is not None and not chosen.lasting_deg:
-        chosen = chosen.but(**_lasting(hand, sequence, profile, open_rest))
-    tracker = Tracker(hand, settings=chosen)
+        chosen = chosen.but(**_lasting(hand, fitted, profile, open_rest))
+    tracker = Tracker(hand, settings=chosen, profile=profile)
     told = {
         **chosen.to_dict(),
         "calibration": found,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.deprecated import moved, old_positions
+from handtrack.detectors.profile import Profile
 from handtrack.errors import InputError, SettingsError
 from handtrack.fitting import solver
 from handtrack.hand.model import HandModel
@@ -46,11 +47,14 @@ class Tracker:
         model: HandModel,
         *,
         settings: TrackerSettings | Mapping[str, Any] | None = None,
+        profile: Profile | None = None,
         **options: Any,
     ):
         """Args:
         model: the hand to fit.
         settings: how to track; the defaults if left out.
+        profile: of the detector, by which joints are corrected before they are fitted; the hand
+            is to have its landmarks (`Profile.on`).
         options: settings by their names (see `TrackerSettings`), such as filter="kalman", that
             replace these.
 
@@ -59,6 +63,7 @@ class Tracker:
         """
         self.model = model
         self.chosen = TrackerSettings.of(settings, options)
+        self._profile = profile
         estimates = self.chosen.filter.name not in ("none", "one-euro")
         meanwhile = partial(warm_up, self.chosen) if estimates else None
         self._program = solver.Program(self.chosen.fit, meanwhile=meanwhile)
@@ -149,23 +154,28 @@ class Tracker:
         if self._time_ns is not None and times_ns[0] - self._time_ns > self._coast_ns:
             # as after frames that were lost: the last pose is one start of two
             solver.forget(self._keep)
+        seen = observed
+        if self._profile is not None:
+            seen = self._profile.corrected(observed, self.model.hand)
         results = solver.Results(len(times_ns), full=False)
         model, least = self.model, self.chosen.min_joints
         given, verdicts = w, [PLAIN] * len(times_ns)
         times = times_ns.tolist()
         if self._gate is None:
-            results.run(self._program, model, observed, w, self._keep, model.mean_angles, least)
+            results.run(self._program, model, seen, w, self._keep, model.mean_angles, least)
         else:
             given = w.copy()
-            verdicts = self._gate.run(results, times, observed, w, self._keep)
-            given[np.isnan(observed[..., 0])] = 0.0
+            verdicts = self._gate.run(results, times, seen, w, self._keep)
+            given[np.isnan(seen[..., 0])] = 0.0
+        if seen is not observed:
+            observed[np.isnan(seen)] = np.nan
         self._time_ns = times[-1]
         fitted = self._fitted(times, times_ns, observed, given, results.rows, verdicts)
         steadied = None
         if self._filter is not None:
-            steadied = self._filter.advance(Frames(times_ns, observed, w, results.rows))
+            steadied = self._filter.advance(Frames(times_ns, seen, w, results.rows))
         # gate and filter look at these again: whoever gets a frame may only read them
-        for array in (observed, given, results.rows, fitted.rejected):
+        for array in (observed, seen, given, results.rows, fitted.rejected):
             array.setflags(write=False)
         if steadied is None:
             none = np.zeros(len(fitted), np.bool_)

@@ -5,12 +5,26 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from handtrack.errors import HandtrackError, SettingsError
-from tools.bench.rendered.build import ROOT, SPLITS, Plan, found_share, make, plans, plans_of
+from tools.bench.rendered.build import (
+    LEARN,
+    ROOT,
+    SPLITS,
+    Plan,
+    found_share,
+    make,
+    plans,
+    plans_of,
+)
 from tools.bench.rendered.layout import read_folder, write
 
+if TYPE_CHECKING:
+    from tools.bench.rendered.cases import Case
+
 DATA = ROOT / "tests" / "data" / "rendered"
+_MADE = (*SPLITS, LEARN)
 SHIPPED = ROOT / "handtrack" / "detectors" / "data"
 
 
@@ -20,7 +34,7 @@ def main(arguments: list[str] | None = None) -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     making = commands.add_parser("make", help="draw the clips and let MediaPipe see them")
     making.add_argument(
-        "splits", nargs="*", metavar="SPLIT", help=f"{', '.join(SPLITS)}; all by default"
+        "splits", nargs="*", metavar="SPLIT", help=f"{', '.join(_MADE)}; all by default"
     )
     making.add_argument("--motion", type=Path, nargs="+", metavar="FILE", help="joints to move as")
     making.add_argument("-o", "--out", type=Path, default=DATA, help="folder")
@@ -86,11 +100,12 @@ def _study(options: argparse.Namespace) -> None:
 
     paths = options.paths or [DATA / (options.holdout or SPLITS[0])]
     clips = [clip for path in paths for clip in read_folder(path)]
+    others = [] if options.paths or options.holdout else _learnt_from()
     console = Console(width=None if Console().is_terminal else 150)
     with console.status("") as status:
         rows = study(
             clips[:3] if options.quick else clips,
-            lambda cases: chosen(cases, options.only, options.also, bool(options.holdout)),
+            lambda cases: chosen(cases, options.only, options.also, bool(options.holdout), others),
             options.camera,
             status.update,
         )
@@ -105,8 +120,14 @@ def _profile(options: argparse.Namespace) -> None:
     from tools.bench.rendered.cases import cases
     from tools.bench.rendered.profiles import make_shipped
 
-    clips = read_folder(DATA / "tune")
-    make_shipped([case for clip in clips for case in cases(clip)], options.out, print)
+    tuned = [case for clip in read_folder(DATA / "tune") for case in cases(clip)]
+    make_shipped([*tuned, *_learnt_from()], options.out, print)
+
+
+def _learnt_from() -> list[Case]:
+    from tools.bench.rendered.cases import cases
+
+    return [case for clip in read_folder(DATA / LEARN) for case in cases(clip)]
 
 
 def _networks(options: argparse.Namespace) -> None:
@@ -124,9 +145,9 @@ def _make(options: argparse.Namespace) -> None:
     wanted: list[tuple[str, Plan]] = []
     for path in options.motion or ():
         wanted += [("motion", plan) for plan in plans_of(path)]
-    for split in () if options.motion else options.splits or SPLITS:
-        if split not in SPLITS:
-            raise SettingsError(f"{split} is no split, expected {', '.join(SPLITS)}")
+    for split in () if options.motion else options.splits or _MADE:
+        if split not in _MADE:
+            raise SettingsError(f"{split} is no split, expected {', '.join(_MADE)}")
         wanted += [(split, plan) for plan in plans(split)]
     from handtrack.video.detector import MediaPipeDetector
     from tools.bench.rendered.raster import Raster

@@ -26,11 +26,15 @@ MakeDetector = Callable[[], Detector]
 ROOT = Path(__file__).resolve().parents[3]
 SAMPLE = ROOT / "recordings" / "sample.npz"
 LENGTHS = (60, 60, 75, 90, 120)
+LEARN = "learn"
+"""Clips of many people, which profiles are made of and no method is measured on."""
+_LEARNERS = 80
 CAMERAS = 3
 GENERATED = "generated"
 # of the splits that are held out: first subject, part of the sample, first seed
-_HELD_OUT = {"holdout": (40, 1.0, 1000), "holdout2": (80, 0.75, 3000)}
+_HELD_OUT = {"holdout": (40, 1.0, 1000), "holdout2": (80, 0.75, 3000), "holdout3": (100, 0.5, 4000)}
 SPLITS = ("tune", *_HELD_OUT)
+"""What is measured."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,9 @@ class Plan:
         source: "generated", or a file with joints whose movement is taken.
         part: which of the source's stretches, 0..1 from its beginning to its end.
         seed: of movement, light, room, cameras and noise.
+        lengths: frames, of which one is drawn.
+        fps: frames in a second of generated movement.
+        apart: each finger moves for itself.
     """
 
     name: str
@@ -50,6 +57,9 @@ class Plan:
     source: str
     part: float
     seed: int
+    lengths: tuple[int, ...] = LENGTHS
+    fps: float = motion.FPS
+    apart: bool = False
 
 
 def plans_of(source: Path, subjects: int = 3) -> list[Plan]:
@@ -61,7 +71,7 @@ def plans_of(source: Path, subjects: int = 3) -> list[Plan]:
 
 
 def plans(split: str) -> list[Plan]:
-    """The 30 clips to tune on, or 10 held out; every split has subjects of its own.
+    """The 30 clips to tune on, 10 held out, or short ones to learn from; other subjects in each.
 
     A fifth of them move as the shipped sample, those held out as its last third or the one before.
     """
@@ -69,6 +79,11 @@ def plans(split: str) -> list[Plan]:
         return [
             Plan(f"tune{i:02d}", i % 15, "sample" if i % 5 == 4 else GENERATED, (i // 5) % 3 / 4, i)
             for i in range(30)
+        ]
+    if split == LEARN:  # quick, as it is the people that count
+        return [
+            Plan(f"learn{i:03d}", 120 + i, GENERATED, 0.0, 5000 + i, (24,), 12.0, i % 2 == 1)
+            for i in range(_LEARNERS)
         ]
     first, part, seed = _HELD_OUT[split]
     prefix = f"{split}-" if split[-1].isdigit() else split
@@ -81,9 +96,9 @@ def plans(split: str) -> list[Plan]:
 def moved(plan: Plan, person: Subject) -> motion.Motion:
     """The movement of a clip, for the person's hand."""
     rng = np.random.default_rng([plan.seed, 1])
-    frames = int(rng.choice(LENGTHS))
+    frames = int(rng.choice(plan.lengths))
     if plan.source == GENERATED:
-        found = motion.generated(rng, frames)
+        found = motion.generated(rng, frames, plan.fps, plan.apart)
     else:
         whole = _longest(SAMPLE if plan.source == "sample" else Path(plan.source))
         frames = min(frames, len(whole))

@@ -39,7 +39,9 @@ class Case:
     def sequence(self) -> ht.Sequence:
         """The input as handtrack takes it; without the truth."""
         clip = self.clip
-        return ht.Sequence(clip.time_ns, self.joints, hand=clip.hand, name=clip.name)
+        return ht.Sequence(
+            clip.time_ns, self.joints, hand=clip.hand, name=clip.name, subject=clip.subject
+        )
 
     @property
     def centred(self) -> bool:

@@ -159,12 +159,15 @@ def true_hand_profiled(profiles: Profiles, **settings: Any) -> Method:
     return method
 
 
-def standard(all_cases: list[Case], shipped: bool = False) -> dict[str, Method]:
+def standard(
+    all_cases: list[Case], shipped: bool = False, others: Many[Case] = ()
+) -> dict[str, Method]:
     """The rows of the study's table, by name; raw first.
 
     Args:
         all_cases: profiles and offsets are learnt from the other subjects among them.
         shipped: use the profiles that ship instead.
+        others: more to learn profiles from.
     """
     rows: dict[str, Method] = {RAW: raw, "savitzky-golay, oracle": best_savgol}
     tracking = Tracking()
@@ -176,7 +179,7 @@ def standard(all_cases: list[Case], shipped: bool = False) -> dict[str, Method]:
     rows["rts, 3 x noise"] = tracking.louder(3.0, filter="rts", noise_colour="white")
     rows["rts, true hand (oracle)"] = on_true_hand(filter="rts")
     rows["constant offsets, no fit"] = offsets(all_cases)
-    profiles = Profiles(all_cases, shipped)
+    profiles = Profiles([*all_cases, *others], shipped)
     rows["fit, template, profile"] = profiled(profiles, calibrate=False)
     rows["fit, calibrated, profile"] = profiled(profiles)
     for name in ("fixed-lag", "rts"):
@@ -190,18 +193,19 @@ def chosen(
     only: Many[str] = (),
     also: Many[tuple[str, str]] = (),
     shipped: bool = False,
+    others: Many[Case] = (),
 ) -> dict[str, Method]:
     """The standard rows of which a name holds one of some words, and rows of one's own; raw first.
 
     Args:
-        all_cases, shipped: as for `standard`.
+        all_cases, shipped, others: as for `standard`.
         only: words; all rows without any.
         also: name, and settings of `handtrack.track` as a JSON object.
 
     Raises:
         SettingsError: settings are no JSON object.
     """
-    rows = standard(all_cases, shipped)
+    rows = standard(all_cases, shipped, others)
     if only:
         rows = {n: m for n, m in rows.items() if n == RAW or any(word in n for word in only)}
     for name, text in also:

@@ -5,6 +5,7 @@ A `Motion` says nothing of a subject: angles and a root pose, which any hand of 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -100,16 +101,19 @@ def minimum_jerk(s: Array) -> Array:
     return np.asarray(s**3 * (10.0 + s * (-15.0 + 6.0 * s)))
 
 
-def generated(rng: np.random.Generator, frames: int, fps: float = FPS) -> Motion:
+def generated(
+    rng: np.random.Generator, frames: int, fps: float = FPS, apart: bool = False
+) -> Motion:
     """Our own movement of a right hand: from posture to posture, with a turning, wandering arm.
 
     Fingers set out at times of their own and take 0.2 to 0.9 s, and rest between movements. Slow
-    drift and a tremor of 8 to 11 Hz lie on top; angles stay inside the limits.
+    drift and a tremor of 8 to 11 Hz lie on top; angles stay inside the limits. With `apart` each
+    finger takes the posture of another hand.
     """
     time = np.arange(frames) / fps
     limits = ht.HandModel.default("right").limits
     tempo = rng.uniform(0.8, 1.8)
-    angles = _performed(time, rng, tempo)
+    angles = _performed(time, rng, tempo, _of_many if apart else _varied)
     angles += _waves(time, np.tile([0.9, 0.35, 1.0, 0.6], 5), (0.1, 0.7), rng)
     angles += _waves(time, np.full(20, 0.06), (8.0, 11.0), rng)
     angles = np.stack([limits.clamp(a) for a in np.deg2rad(angles)])
@@ -144,13 +148,18 @@ def _drawn_turn(rng: np.random.Generator) -> float:
     return float(rng.choice([-1, 1]) * rng.uniform(55, 90))
 
 
-def _performed(time: Array, rng: np.random.Generator, tempo: float) -> Array:
+def _performed(
+    time: Array,
+    rng: np.random.Generator,
+    tempo: float,
+    posture: Callable[[np.random.Generator], Array],
+) -> Array:
     """(T, 20) degrees: a score of postures, each somewhat its own."""
-    now = _varied(rng)
+    now = posture(rng)
     angles = now[None].repeat(len(time), 0)
     start = rng.uniform(-0.3, 0.4)
     while start < time[-1]:
-        goal = _varied(rng)
+        goal = posture(rng)
         if rng.random() < 0.3:  # only some fingers
             keep = np.repeat(rng.random(5) < 0.5, 4)
             goal = np.where(keep, now, goal)
@@ -168,6 +177,11 @@ def _varied(rng: np.random.Generator) -> Array:
     mix = rng.uniform(0.0, 0.35)
     spread = np.tile([5.0, 1.5, 6.0, 4.0], 5)
     return np.asarray((1 - mix) * first + mix * second + rng.normal(0.0, spread))
+
+
+def _of_many(rng: np.random.Generator) -> Array:
+    postures = [_varied(rng) for _ in range(5)]
+    return np.concatenate([postures[f][4 * f : 4 * f + 4] for f in range(5)])
 
 
 def _wander(

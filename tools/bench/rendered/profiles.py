@@ -23,14 +23,16 @@ NAMES = {ONE_CAMERA: "mediapipe", TRIANGULATED: "mediapipe-3d"}
 _VIEW = np.array([0.0, 0.0, 1.0])
 
 
-def profile_of(cases: Many[Case], name: str) -> Profile:
-    """The profile that clips of one input show."""
+def seen_of(case: Case) -> Seen:
+    """The frames of a case with all joints."""
+    view = _VIEW if case.centred else None
+    return Seen.of(case.sequence, case.clip.truth_joints, case.model, view)
+
+
+def profile_of(cases: Many[Case], name: str, seen: Many[Seen]) -> Profile:
+    """The profile that clips of one input show; `seen` is `seen_of` each."""
     first = cases[0]
     kind = ONE if first.centred else IN_SPACE
-    seen = [
-        Seen.of(c.sequence, c.clip.truth_joints, c.model, _VIEW if c.centred else None)
-        for c in cases
-    ]
     found = estimate_profile(seen, name, first.clip.detector or "mediapipe", kind)
     subjects = len({c.clip.subject for c in cases})
     return replace(found, evidence={**found.evidence, "subjects": subjects})
@@ -40,13 +42,14 @@ class Profiles:
     """For each case a profile that does not know its subject, as a file or by its name.
 
     Args:
-        cases: of all clips.
+        cases: of all clips, and of others to learn from.
         shipped: take the profiles that ship, whose subjects are none of these.
     """
 
     def __init__(self, cases: Many[Case], shipped: bool = False) -> None:
         self._cases, self._shipped = cases, shipped
         self._made: dict[tuple[str, str], str] = {}
+        self._seen: dict[tuple[str, str], Seen] = {}
 
     @cached_property
     def _folder(self) -> tempfile.TemporaryDirectory[str]:
@@ -70,44 +73,33 @@ class Profiles:
             if not others:
                 raise InputError(f"{case.clip.name}: no other subject to learn a profile from")
             path = Path(self._folder.name) / f"{NAMES.get(case.input, 'own')}-{key[1]}.json"
-            save_profile(profile_of(others, path.stem), path)
+            save_profile(profile_of(others, path.stem, [self._of(c) for c in others]), path)
             self._made[key] = str(path)
         return self._made[key]
+
+    def _of(self, case: Case) -> Seen:
+        key = case.input, case.clip.name
+        if key not in self._seen:
+            self._seen[key] = seen_of(case)
+        return self._seen[key]
 
 
 def make_shipped(cases: Many[Case], folder: Path, say: Callable[[str], None]) -> None:
     """Write the profiles that ship, with their evidence.
 
     Args:
-        cases: of the clips to tune on.
+        cases: of the clips to tune on and to learn from.
         folder: handtrack/detectors/data.
         say: told what was found.
     """
     for given, name in NAMES.items():
         mine = [c for c in cases if c.input == given]
-        found = profile_of(mine, name)
-        loose = _unknown_subjects(mine)
+        seen = [seen_of(c) for c in mine]
+        found = profile_of(mine, name, seen)
         evidence: dict[str, Any] = {
             **found.evidence,
-            "from": "tools/bench/rendered, clips to tune on: drawn hands, MediaPipe in video mode",
-            "other_subjects_with_mm": loose,
+            "from": "tools/bench/rendered, clips to tune on and to learn from: drawn hands,"
+            " MediaPipe in video mode; corrected_mm of people left out",
         }
         save_profile(replace(found, evidence=evidence), folder / f"{name}.json")
         say(f"{name}: {evidence}")
-
-
-def _unknown_subjects(cases: Many[Case]) -> float:
-    """Mean distance of landmarks to where the other subjects' offsets expect them [mm]."""
-    from handtrack.evaluation.landmarks import errors_of, offsets_of
-
-    kind = ONE if cases[0].centred else IN_SPACE
-    seen = {c.clip.name: Seen.of(c.sequence, c.clip.truth_joints, c.model) for c in cases}
-    off = []
-    for subject in sorted({c.clip.subject for c in cases}):
-        others = [seen[c.clip.name] for c in cases if c.clip.subject != subject]
-        offsets = offsets_of(others, kind)
-        for c in cases:
-            if c.clip.subject == subject:
-                errors = errors_of(seen[c.clip.name], offsets, kind).off
-                off.append(float(np.linalg.norm(errors, axis=-1).mean()))
-    return round(1e3 * float(np.mean(off)), 2)
