@@ -33,6 +33,7 @@ from handtrack.sequences.readers import (
     ultraleap,
     visionpro,
 )
+from handtrack.sequences.readers.alike import FEWEST, forms_of, read_alike
 from handtrack.sequences.readers.both_hands import of_sides, two_hands
 from handtrack.sequences.readers.catalogue import Format
 from handtrack.sequences.readers.fields import as_frames, from_fields
@@ -41,6 +42,7 @@ from handtrack.sequences.readers.found import CONTAINERS, MOST_HANDS, MOST_NAMES
 from handtrack.sequences.readers.json_table import table_of
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.missing import blanks_as_null, is_blank
+from handtrack.sequences.readers.number_text import Forms
 from handtrack.sequences.readers.pictures import flat
 from handtrack.sequences.readers.points import are_points, has_names
 from handtrack.sequences.readers.raw import NotJointsError, Raw, stem
@@ -83,6 +85,12 @@ def read_lines(data: bytes, path: Path) -> list[Raw]:
     """
     _refuse_nothing(data, path)
     lines = [(n, line) for n, line in enumerate(data.split(b"\n"), 1) if line.strip()]
+    places = Places("line", [n for n, _ in lines])
+    if len(lines) >= FEWEST:
+        forms = forms_of(b"[" + b",".join(line for _, line in lines) + b"]")
+        quick = None if forms is None or len(forms) != len(lines) else _alike(forms, places, path)
+        if quick is not None:
+            return quick
     try:  # all at once is faster, but cannot say which line is wrong
         values = decode(b"[" + b",".join(line for _, line in lines) + b"]", list[Any], path)
     except InputError:
@@ -90,7 +98,6 @@ def read_lines(data: bytes, path: Path) -> list[Raw]:
     if len(values) != len(lines):
         values = [decode(line, Any, path, first_line=n) for n, line in lines]
     values = in_small_letters(values)
-    places = Places("line", [n for n, _ in lines])
     table = table_of(values)
     if table is not None:
         return text_table.read_table(table, path)
@@ -112,6 +119,43 @@ def _of_source(values: list[Any], places: Items[str], path: Path) -> list[Raw] |
     return None
 
 
+def _alike(
+    forms: Forms, places: Items[str], path: Path, about: dict[str, Any] | None = None
+) -> list[Raw] | None:
+    """The hands of records of few forms that `read_records` would read; None of others."""
+    first = in_small_letters([decode(form.first, Any, path) for form in forms.forms])
+    if not all(v is None or isinstance(v, dict) for v in first) or table_of(first[:1] * FEWEST):
+        return None
+    some: dict[str, Any] = next((v for v in first if v), {})
+    if any(of.is_frame(some) for of in (hot3d, rosbridge, visionpro)) or ultraleap.any_in(first):
+        return None
+    if keypoints_2d.read_other(first, path) is not None:
+        return None
+    return read_alike(forms, places, path, about)
+
+
+def _list_of_alike(data: bytes, path: Path) -> list[Raw] | None:
+    """The hands of a list of frames of few forms, or of one in an object; None of anything else."""
+    data = data.lstrip(b"\xef\xbb\xbf \t\r\n")
+    try:
+        if data[:1] == b"[":
+            forms = forms_of(data)
+            about: dict[str, Any] = {}
+        else:
+            fields = decode(data, dict[str, msgspec.Raw], path)
+            key = max(fields, key=lambda k: len(bytes(fields[k])))
+            about = {k: decode(bytes(v), Any, path) for k, v in fields.items() if k != key}
+            if key not in (*LISTS, *CONTAINERS) or any(isinstance(v, list) for v in about.values()):
+                return None
+            forms = forms_of(bytes(fields[key]))
+            about = _with_what_it_says(in_small_letters(about))
+        if forms is None:
+            return None
+        return _alike(forms, Places("frame", range(len(forms))), path, about)
+    except (InputError, msgspec.MsgspecError):
+        return None
+
+
 def read_json(data: bytes, path: Path) -> list[Raw]:
     """The sequences of a JSON file.
 
@@ -121,6 +165,9 @@ def read_json(data: bytes, path: Path) -> list[Raw]:
     """
     if len(data) > _LARGE:
         _refuse_nothing(data, path)
+        quick = _list_of_alike(data, path)
+        if quick is not None:
+            return quick
     return from_value(decode(data, Any, path), path)
 
 

@@ -41,8 +41,7 @@ def decode(data: bytes, kind: Any, path: str | Path, first_line: int = 1) -> Any
             field's name).
     """
     data = data.removeprefix(b"\xef\xbb\xbf")
-    if b"NaN" in data:
-        data = _NAN.sub(b"null", data)
+    data = without_nan(data)
     if kind is Any or kind == list[Any]:  # fields of a known type may be texts, and empty
         data = texts_as_null(data)
     try:
@@ -57,6 +56,11 @@ def decode(data: bytes, kind: Any, path: str | Path, first_line: int = 1) -> Any
         ) from None
     except RecursionError:
         raise InputError(f"the JSON is nested too deeply{_line(first_line)}", path) from None
+
+
+def without_nan(data: bytes) -> bytes:
+    """JSON text with null for NaN."""
+    return _NAN.sub(b"null", data) if b"NaN" in data else data
 
 
 def _line(first_line: int) -> str:

@@ -73,13 +73,34 @@ def read_records(
         NotJointsError: no hand in any frame.
         InputError: a frame or a joint that cannot be read.
     """
+    found = records_by_hand(values, places, path, about, logged)
+    return [hand.raw if hand.world else seen_in_picture(hand.raw) for hand in found]
+
+
+class HandRecords(NamedTuple):
+    """One hand's sequence, which of the records are its frames, and whether these call its joints
+    those in the world."""
+
+    raw: Raw
+    rows: list[int]
+    world: bool
+
+
+def records_by_hand(
+    values: Items[Any],
+    places: Items[str],
+    path: Path,
+    about: dict[str, Any] | None = None,
+    logged: Stamps | None = None,
+) -> list[HandRecords]:
+    """As `read_records`, not asked yet whether joints are in a picture."""
     about = about or {}
     values = blanks_as_null(list(values))
     hands = _grouped(values, places, path, about)
     _refuse_meant(values, places, path)
     said = {k: _first(values, (k,), about) for k in ("order", "name", "subject")}
     unit, rate = (_first(values, keys, about) for keys in (UNIT_KEYS, RATES))
-    raws = []
+    out = []
     for key, hand in hands.items():
         joints, confidence = _joints(hand, places, path)
         raw = Raw(joints, path, str(said["name"] or stem(path)), hand=key.hand)
@@ -102,10 +123,9 @@ def read_records(
         own = stamps_of(rows, at) or stamps_of(inside, at)
         raw.stamps = own or (None if logged is None else logged.take(hand.rows))
         raw.frame_index = frame_index_of(rows, path)
-        if not any(f.key and "world" in words(f.key) for f in hand.found.values()):
-            raw = seen_in_picture(raw)
-        raws.append(raw)
-    return raws
+        world = any(f.key and "world" in words(f.key) for f in hand.found.values())
+        out.append(HandRecords(raw, hand.rows, world))
+    return out
 
 
 def _first(values: Items[Any], names: Items[str], about: dict[str, Any]) -> Any:
