@@ -93,6 +93,7 @@ def desk(tmp_path_factory, sample, sample_file) -> Path:
     if not (folder / "171204_pose6" / "hdHand3d").is_dir():
         pytest.fail(f"no hdHand3d in {made}")
     pictures(folder)
+    results(folder)
     bin_ = folder / "bin"
     bin_.mkdir()
     program(bin_ / "handtrack", f'exec {shlex.quote(sys.executable)} -m handtrack "$@"')
@@ -103,6 +104,22 @@ def desk(tmp_path_factory, sample, sample_file) -> Path:
     (bin_ / "lines.jsonl").write_text("\n".join(lines) + "\n")
     program(bin_ / "my_detector", f"cat {shlex.quote(str(bin_ / 'lines.jsonl'))}")
     return folder
+
+
+def results(folder: Path) -> None:
+    """A data set of two clips, and what `handtrack batch` makes of it without and with a filter."""
+    if not importlib.util.find_spec("distributed"):
+        return
+    from handtrack.batching.cluster import engine
+
+    rows = ["path,subject,action", "clips/clip.json,s1,wave", "clips/other.json,s2,count"]
+    (folder / "manifest.csv").write_text("\n".join(rows) + "\n")
+    with engine(workers=1, processes=False) as made:
+        for out, name in (("out", "none"), ("out2", "kalman")):
+            settings = ht.BatchSettings(ht.TrackSettings.of({"filter": name}), frames=True)
+            ht.batch(
+                folder / "manifest.csv", folder / out, made.client, settings, columns=["action"]
+            )
 
 
 def program(path: Path, command: str) -> None:
