@@ -118,8 +118,9 @@ def test_a_mirrored_movement_is_the_other_hands_mirror_image():
 
 
 def test_no_subject_is_in_two_splits():
-    splits = [{p.subject for p in build.plans(s)} for s in build.SPLITS]
-    assert [len(build.plans(s)) for s in build.SPLITS] == [30, 10, 10]
+    named = (*build.SPLITS, build.NEXT, build.LEARN)
+    splits = [{p.subject for p in build.plans(s)} for s in named]
+    assert [len(build.plans(s)) for s in named] == [30, 10, 10, 10, 7]
     everyone = set.union(*splits)
     assert len(everyone) == sum(map(len, splits))
     shapes = np.array([subject(n).shape for n in sorted(everyone)])
@@ -128,12 +129,13 @@ def test_no_subject_is_in_two_splits():
     assert all({subject(n).hand for n in split} == {"left", "right"} for split in splits)
 
 
-@pytest.mark.parametrize("split", build.SPLITS)
+@pytest.mark.parametrize("split", [*build.SPLITS, build.LEARN])
 def test_the_clips_that_ship(split):
     clips = layout.read_folder(DATA / split)
     assert [clip.name for clip in clips] == [plan.name for plan in build.plans(split)]
     found = np.concatenate([build.found_share(clip) for clip in clips])
-    assert found.mean() > 0.95
+    # fingers that each go their own way are harder to see
+    assert found.mean() > (0.85 if split == build.LEARN else 0.95)
     for clip in clips:
         rest, axes = clip.truth_rest_joints, clip.truth_axes
         axes = axes / np.linalg.norm(axes, axis=1, keepdims=True)

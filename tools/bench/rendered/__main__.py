@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from handtrack.errors import HandtrackError, SettingsError
 from tools.bench.rendered.build import (
     LEARN,
+    NEXT,
     ROOT,
     SPLITS,
     Plan,
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from tools.bench.rendered.cases import Case
 
 DATA = ROOT / "tests" / "data" / "rendered"
-_MADE = (*SPLITS, LEARN)
+_MADE = (*SPLITS, LEARN, NEXT)
 SHIPPED = ROOT / "handtrack" / "detectors" / "data"
 
 
@@ -145,7 +146,7 @@ def _make(options: argparse.Namespace) -> None:
     wanted: list[tuple[str, Plan]] = []
     for path in options.motion or ():
         wanted += [("motion", plan) for plan in plans_of(path)]
-    for split in () if options.motion else options.splits or _MADE:
+    for split in () if options.motion else options.splits or _MADE[:-1]:
         if split not in _MADE:
             raise SettingsError(f"{split} is no split, expected {', '.join(_MADE)}")
         wanted += [(split, plan) for plan in plans(split)]

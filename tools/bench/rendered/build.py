@@ -28,13 +28,15 @@ SAMPLE = ROOT / "recordings" / "sample.npz"
 LENGTHS = (60, 60, 75, 90, 120)
 LEARN = "learn"
 """Clips of many people, which profiles are made of and no method is measured on."""
-_LEARNERS = 80
+_LEARNERS = range(5, 12)
 CAMERAS = 3
 GENERATED = "generated"
 # of the splits that are held out: first subject, part of the sample, first seed
 _HELD_OUT = {"holdout": (40, 1.0, 1000), "holdout2": (80, 0.75, 3000), "holdout3": (100, 0.5, 4000)}
-SPLITS = ("tune", *_HELD_OUT)
+SPLITS = ("tune", "holdout", "holdout2")
 """What is measured."""
+NEXT = "holdout3"
+"""Held out for the next time: planned, and not drawn yet."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ def plans(split: str) -> list[Plan]:
     if split == LEARN:  # quick, as it is the people that count
         return [
             Plan(f"learn{i:03d}", 120 + i, GENERATED, 0.0, 5000 + i, (24,), 12.0, i % 2 == 1)
-            for i in range(_LEARNERS)
+            for i in _LEARNERS
         ]
     first, part, seed = _HELD_OUT[split]
     prefix = f"{split}-" if split[-1].isdigit() else split
