@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from handtrack.calibration.bundle import Poses
 from handtrack.calibration.noise import smoothed, white_noise
+from handtrack.files.long_arrays import rows_of
 from handtrack.fitting import solver
 from handtrack.hand.model import HandModel
 from handtrack.sequences.sequence import Sequence
@@ -36,7 +37,7 @@ def excerpt(sequence: Sequence) -> Sequence:
         return sequence
     begins = np.linspace(0, n - _PIECE, LONG // _PIECE).astype(np.int64)
     keep = (begins[:, None] + np.arange(_PIECE)).ravel()
-    if not np.isfinite(sequence.joints[keep]).any():
+    if not np.isfinite(rows_of(sequence.joints, keep)).any():
         return sequence
     return replace(sequence, truth=None).at(keep)
 

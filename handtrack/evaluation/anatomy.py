@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from collections.abc import Sequence as Many
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,12 +12,12 @@ from numpy.typing import ArrayLike
 from handtrack.errors import InputError, SettingsError
 from handtrack.evaluation.arrays import (
     Array,
-    mean_of_frames,
+    lengths,
     nan_mean,
     points,
     sequence_of_points,
 )
-from handtrack.files.long_arrays import Growing, blocks, by_blocks
+from handtrack.files.long_arrays import ROWS, Growing, blocks
 from handtrack.hand.capsules import FINGER_RADII, contact_depths
 from handtrack.hand.limits import Limits
 from handtrack.hand.skeleton import BONES, N_ANGLES, N_JOINTS
@@ -28,7 +29,7 @@ def bone_lengths(x: ArrayLike, bones: Many[tuple[int, int]] = BONES) -> Array:
     parents, children = np.array(bones).T
     if max(parents.max(), children.max()) >= x.shape[-2]:
         raise InputError(f"{x.shape[-2]} joints cannot hold a bone to joint {children.max()}")
-    return np.asarray(np.linalg.norm(x[..., children, :] - x[..., parents, :], axis=-1))
+    return lengths(x[..., children, :] - x[..., parents, :])
 
 
 def bone_length_drift(x: ArrayLike, bones: Many[tuple[int, int]] = BONES) -> Array:
@@ -42,9 +43,21 @@ def bone_length_drift(x: ArrayLike, bones: Many[tuple[int, int]] = BONES) -> Arr
         (B,) standard deviation over frames / mean; 0 for a hand of constant bones, NaN for a
         bone that was never seen.
     """
-    lengths = by_blocks(lambda part: bone_lengths(part, bones), sequence_of_points(x))
-    mean = mean_of_frames(lengths)
-    std = np.sqrt(mean_of_frames(by_blocks(lambda part: (part - mean) ** 2, lengths)))
+    x = sequence_of_points(x)
+    first = nan_mean(bone_lengths(x[:ROWS], bones), 0)
+    # about what it is in the first frames, where it is known: squares are of what varies only
+    first = np.where(np.isnan(first), 0.0, first)
+    count, total, squares = np.zeros(len(bones)), np.zeros(len(bones)), np.zeros(len(bones))
+    for part in blocks(len(x)):
+        off = bone_lengths(x[part], bones) - first
+        known = ~np.isnan(off)
+        off = np.where(known, off, 0.0)
+        count += known.sum(0)
+        total += off.sum(0)
+        squares += (off**2).sum(0)
+    seen = np.where(count > 0, count, np.nan)
+    apart = total / seen
+    mean, std = first + apart, np.sqrt(np.maximum(squares / seen - apart**2, 0.0))
     return np.asarray(std / np.where(mean > 0, mean, np.nan))
 
 
@@ -80,10 +93,23 @@ def limit_violations(
     Raises:
         InputError: angles are not (T, 20).
     """
+    whole = Growing((N_ANGLES,))
+    found = _violations(angles, limits, tolerance_deg, whole.append)
+    return replace(found, degrees=whole.whole())
+
+
+def share_outside(angles: ArrayLike, limits: Limits, tolerance_deg: float = 1e-3) -> float:
+    """`limit_violations`' share of the frames, without what it is in each of them."""
+    return _violations(angles, limits, tolerance_deg, lambda degrees: None).share
+
+
+def _violations(
+    angles: ArrayLike, limits: Limits, tolerance_deg: float, keep: Callable[[Array], None]
+) -> LimitViolations:
+    """As `limit_violations`, without `degrees`, which are given away block by block."""
     angles = np.asarray(angles, dtype=np.float64)
     if angles.ndim != 2 or angles.shape[1] != N_ANGLES:
         raise InputError(f"angles have shape {angles.shape}, expected (frames, 20)")
-    whole = Growing((N_ANGLES,))
     n, total, greatest, any_over = 0, 0.0, 0.0, 0
     over = np.zeros(N_ANGLES, np.int64)
     for part in blocks(len(angles)):
@@ -95,14 +121,14 @@ def limit_violations(
         greatest = max(greatest, float(seen.max(initial=0.0)))
         any_over += int((seen > tolerance_deg).any(1).sum())
         over += (seen > tolerance_deg).sum(0)
-        whole.append(degrees)
+        keep(degrees)
     nan = float("nan")
     return LimitViolations(
         share=any_over / n if n else nan,
         share_per_angle=over / n if n else np.full(N_ANGLES, nan),
         mean_deg=total / (n * N_ANGLES) if n else nan,
         max_deg=greatest if n else nan,
-        degrees=whole.whole(),
+        degrees=np.empty((0, N_ANGLES)),
     )
 
 

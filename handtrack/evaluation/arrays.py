@@ -28,10 +28,14 @@ def points(x: ArrayLike, name: str = "points") -> Array:
         raise InputError(f"{name} have shape {out.shape}, expected (frames, joints, 3)")
     partly = False
     for part in blocks(len(out)):
-        if np.isinf(out[part]).any():
-            raise InputError(f"{name} hold infinite values, expected numbers or NaN for missing")
+        finite = np.isfinite(out[part])
+        if finite.all():
+            continue
         missing = np.isnan(out[part])
-        partly = partly or bool((missing.any(-1) & ~missing.all(-1)).any())
+        if np.count_nonzero(missing) + np.count_nonzero(finite) < missing.size:
+            raise InputError(f"{name} hold infinite values, expected numbers or NaN for missing")
+        x, y, z = (missing[..., i] for i in range(3))  # NumPy reduces an axis of three slowly
+        partly = partly or bool(((x | y | z) & ~(x & y & z)).any())
     return by_blocks(_whole, out) if partly else out
 
 
@@ -87,10 +91,7 @@ def in_blocks(function: Callable[..., Array], *arrays: Array) -> Array:
     if first.ndim == 2:
         return function(*arrays)
     rows = max(1, _BLOCK // max(1, prod(first.shape[1:])))
-    if len(first) <= rows:
-        return function(*arrays)
-    starts = range(0, len(first), rows)
-    return np.concatenate([function(*(x[i : i + rows] for x in arrays)) for i in starts])
+    return by_blocks(function, *arrays, rows=rows)
 
 
 def lengths(vectors: Array) -> Array:

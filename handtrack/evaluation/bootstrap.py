@@ -30,6 +30,8 @@ MIN_INDEPENDENT = 6.0
 """Nor for errors of frames that are worth fewer independent ones."""
 _DRAWS = 1_000_000
 """Blocks drawn in all; in longer series blocks are longer than they need be."""
+_DRAWN = 64
+"""Blocks of each resample summed at a time."""
 _SEED = 20210
 
 
@@ -238,8 +240,9 @@ def block_length(values: ArrayLike) -> float:
     few = max(5, int(np.ceil(np.sqrt(np.log10(n)))))
     reach = min(int(np.ceil(np.sqrt(n))) + few, len(x) - 1)
     size = 1 << int(np.ceil(np.log2(len(x) + reach + 1)))
-    power = np.abs(np.fft.rfft(x, size)) ** 2
-    covariance = np.fft.irfft(power, size)[: reach + 1] / n
+    waves = np.fft.rfft(x, size)
+    np.multiply(waves, waves.conj(), out=waves)
+    covariance = np.fft.irfft(waves, size)[: reach + 1] / n
     if not covariance[0] > 0:
         return 1.0
     quiet = np.abs(covariance[1:] / covariance[0]) < 2 * np.sqrt(np.log10(n) / n)
@@ -275,8 +278,13 @@ def _moments(
     series: _Moments, starts: NDArray[np.int64], ends: NDArray[np.int64], block: int
 ) -> tuple[Array, Array]:
     def sums(x: Array) -> Array:
-        around = np.concatenate([[0.0], np.cumsum(np.concatenate([x, x[:block]]))])
-        return np.asarray((around[ends] - around[starts]).sum(0))
+        around = np.zeros(len(x) + block + 1)
+        np.cumsum(x, out=around[1 : len(x) + 1])
+        around[len(x) + 1 :] = around[len(x)] + np.cumsum(x[:block])
+        found = np.zeros(starts.shape[1])
+        for i in range(0, len(starts), _DRAWN):
+            found += (around[ends[i : i + _DRAWN]] - around[starts[i : i + _DRAWN]]).sum(0)
+        return found
 
     count = sums(series.present.astype(np.float64)) if series.n < len(series.values) else None
     if count is None:

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.evaluation import anatomy, metrics
-from handtrack.evaluation.alignment import align
-from handtrack.evaluation.arrays import Array, lengths, mean_of_frames, nan_mean
+from handtrack.evaluation.arrays import Array, mean_of_frames, nan_mean
 from handtrack.evaluation.bootstrap import Intervals, intervals
+from handtrack.evaluation.frame_errors import joint_errors_mm, used
 from handtrack.evaluation.matching import size_ratio
 from handtrack.evaluation.results import Against, Material, Spread, Stability
 from handtrack.evaluation.shake import Shake, shake_values
-from handtrack.files.long_arrays import Growing, blocks, by_blocks
+from handtrack.files.long_arrays import by_blocks, release
 from handtrack.hand.limits import Limits
 from handtrack.hand.skeleton import Hand
 from handtrack.sequences.sequence import Sequence
@@ -33,8 +33,6 @@ _LATE = 0.5
 """A lag of so many frames is worth a note."""
 _LAG_FRAMES = 2000
 """Frames that are enough to find a lag."""
-_BLOCK = 4000
-"""Frames aligned at once."""
 _RANGE_MM = (0.0, 50.0)
 _SHAKE = "shake_"
 
@@ -85,12 +83,7 @@ class Estimate:
             track.frame_index,
             _only(track.filtered_joints, track.measured_joints),
             (fitted, predicted, lost),
-            # what the fit was told to ignore counts for nothing
-            by_blocks(
-                lambda x, weights: np.where(weights[..., None] > 0, x, np.nan),
-                track.observed,
-                track.confidence,
-            ),
+            used(track),
             _known(track.truth),
             track.angles,
             track.model.limits,
@@ -148,8 +141,8 @@ def measure(
         notes: to be kept with the result.
     """
     time_ns, joints = estimate.time_ns, estimate.joints
-    bare = np.full(joints.shape, np.nan) if reference is None else reference
-    aligned, plain, rooted = _joint_errors_mm(joints, bare)
+    bare = np.broadcast_to(np.nan, joints.shape) if reference is None else reference
+    aligned, plain, rooted = joint_errors_mm(joints, bare)
     values = {
         "pa_mpjpe_mm": by_blocks(nan_mean, aligned),
         "mpjpe_mm": by_blocks(nan_mean, plain),
@@ -187,7 +180,7 @@ def measure(
             ]
     outside = float("nan")
     if estimate.angles is not None and estimate.limits is not None:
-        outside = 100 * anatomy.limit_violations(estimate.angles, estimate.limits).share
+        outside = 100 * anatomy.share_outside(estimate.angles, estimate.limits)
     drift = anatomy.bone_length_drift(joints)
     found = summary(
         estimate.name,
@@ -239,10 +232,12 @@ def summary(
     """
 
     def mean(key: str) -> float:
-        return float(nan_mean(values[key])) if key in values else float("nan")
+        return float(mean_of_frames(values[key])) if key in values else float("nan")
 
     def spread(key: str) -> Spread | None:
-        return Spread.of(values[key]) if key in values else None
+        found = Spread.of(values[key]) if key in values else None
+        release()
+        return found
 
     def shake(prefix: str) -> Shake | None:
         known = any(key.startswith(prefix) for key in values)
@@ -327,24 +322,9 @@ def _weighted(values: list[float], weights: list[int]) -> float:
 
 
 def _intervals(values: Mapping[str, Array]) -> dict[str, Intervals]:
-    return {
-        key: intervals(values[key])
-        for key in BOOTSTRAPPED
-        if key in values and not np.isnan(values[key]).all()
-    }
-
-
-def _joint_errors_mm(a: Array, b: Array) -> tuple[Array, Array, Array]:
-    """(T, 21) distances [mm] after similarity alignment of each frame, without, and with the
-    wrists on each other."""
-    out = Growing((3, a.shape[1]))
-    known = any(not np.isnan(b[part]).all() for part in blocks(len(b)))
-    for part in blocks(len(a), _BLOCK):
-        errors = np.full((3, *a[part].shape[:2]), np.nan)
-        if known:
-            x, y = a[part] * 1e3, b[part] * 1e3
-            apart = x - y
-            errors[:] = lengths(align(x, y) - y), lengths(apart), lengths(apart - apart[:, :1])
-        out.append(errors.swapaxes(0, 1))
-    whole = out.whole()
-    return whole[:, 0], whole[:, 1], whole[:, 2]
+    found = {}
+    for key in BOOTSTRAPPED:
+        if key in values and not np.isnan(values[key]).all():
+            found[key] = intervals(values[key])
+            release()
+    return found

@@ -27,7 +27,7 @@ from handtrack.evaluation.anatomy import (
     limit_violations,
     self_intersection,
 )
-from handtrack.evaluation.arrays import Array, lengths, nan_mean, pair, points
+from handtrack.evaluation.arrays import Array, in_blocks, lengths, nan_mean, pair, points
 from handtrack.evaluation.motion import acceleration, acceleration_error, jitter, lag
 from handtrack.files.long_arrays import blocks
 from handtrack.hand.capsules import FINGER_RADII
@@ -80,8 +80,7 @@ def errors(a: ArrayLike, b: ArrayLike) -> Array:
     Raises:
         InputError: shapes differ or values are infinite.
     """
-    a, b = pair(a, b)
-    return lengths(a - b)
+    return in_blocks(lambda x, y: lengths(x - y), *pair(a, b))
 
 
 def mpjpe(a: ArrayLike, b: ArrayLike) -> Array:
@@ -97,7 +96,7 @@ def mpjpe(a: ArrayLike, b: ArrayLike) -> Array:
     Raises:
         InputError: shapes differ or values are infinite.
     """
-    return nan_mean(errors(a, b))
+    return in_blocks(lambda x, y: nan_mean(lengths(x - y)), *pair(a, b))
 
 
 def root_aligned_mpjpe(a: ArrayLike, b: ArrayLike, root: int = 0) -> Array:

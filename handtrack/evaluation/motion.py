@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError, SettingsError
 from handtrack.evaluation.arrays import Array, lengths, nan_mean, pair, sequence_of_points
-from handtrack.files.long_arrays import by_blocks, release
+from handtrack.files.long_arrays import Growing, by_blocks, release
 
 GAP = 1.5
 """A time step above this many medians (or below 1/2 of one) breaks every difference over it."""
@@ -169,16 +169,18 @@ def _mean_derivative(
 
 def _in_blocks(x: Array, order: int, steps: Array, broken: NDArray[np.bool_] | None) -> Array:
     """(T,) mean over joints of the size of a derivative."""
-    out = np.full(len(x), np.nan)
+    out = Growing(())
+    out.append(np.full(min(len(x), 1), np.nan))
     for i in range(0, len(x) - order, _BLOCK):
         part = x[i : i + _BLOCK + order]
         inner = slice(i, i + len(part) - 1)
         gaps = None if broken is None else broken[inner]
         values = nan_mean(lengths(_derivative(part, order, steps[inner], gaps)))
         n = len(part) - order
-        out[i + 1 : i + 1 + n] = values[1 : 1 + n]
+        out.append(values[1 : 1 + n])
         release()
-    return out
+    out.append(np.full(len(x) - len(out), np.nan))
+    return out.whole()
 
 
 def _steps(time_ns: ArrayLike, n: int) -> Array:

@@ -41,10 +41,9 @@ class Spread:
         known = values[~np.isnan(values)]
         if not known.size:
             return Spread(*[float("nan")] * 5)
-        median, p95 = np.percentile(known, [50, 95])
-        return Spread(
-            float(known.mean()), float(known.std()), float(median), float(p95), float(known.max())
-        )
+        mean, std, most = float(known.mean()), float(known.std()), float(known.max())
+        median, p95 = np.percentile(known, [50, 95], overwrite_input=True)
+        return Spread(mean, std, float(median), float(p95), most)
 
     def to_dict(self) -> dict[str, float | None]:
         """The five numbers; None for NaN."""

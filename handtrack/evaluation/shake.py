@@ -18,12 +18,13 @@ from handtrack.evaluation.alignment import procrustes
 from handtrack.evaluation.arrays import (
     Array,
     lengths,
+    mean_of_frames,
     nan_mean,
     or_none,
     sequence_of_points,
 )
 from handtrack.evaluation.motion import gaps_between, jitter_within
-from handtrack.files.long_arrays import blocks, by_blocks
+from handtrack.files.long_arrays import Growing, blocks, by_blocks, rows_of
 from handtrack.hand.skeleton import BASES, N_JOINTS, PALM, PARENTS
 
 WINDOW = 11
@@ -67,8 +68,8 @@ class Shake:
     @staticmethod
     def of(values: Mapping[str, Array], prefix: str = "") -> Shake:
         """From what `shake_values` gave, of one sequence or of several after one another."""
-        means = {name: float(nan_mean(values[f"{prefix}{name}"])) for name in JITTERS}
-        squares = {n: float(np.sqrt(nan_mean(values[f"{prefix}{n}"] ** 2))) for n in SHAKES}
+        means = {n: float(mean_of_frames(values[f"{prefix}{n}"])) for n in JITTERS}
+        squares = {n: _root_mean_square_of_frames(values[f"{prefix}{n}"]) for n in SHAKES}
         return Shake(**squares, **means)
 
     def to_dict(self) -> dict[str, float | None]:
@@ -118,7 +119,7 @@ def shake_values(
     time = np.asarray(time_ns, dtype=np.int64)
     broken = gaps_between(time, len(x))
     shape = palm_shape(x) if palm is None else None
-    out: dict[str, Array] = {}
+    out: dict[str, Growing] = {}
     for part in blocks(max(len(x), 1)):
         # with the frames around it that its windows reach
         begin, end = max(part.start - _REACH, 0), min(part.stop + _REACH, len(x))
@@ -126,9 +127,10 @@ def shake_values(
         known = _palm_motion(some, shape) if palm is None else tuple(v[begin:end] for v in palm)
         found = _values(some, time[begin:end], broken[begin : end - 1], *known)
         for name, values in found.items():
-            whole = out.setdefault(f"{prefix}{name}", np.empty(len(x)))
-            whole[part] = values[part.start - begin : part.stop - begin]
-    return out
+            whole = out.setdefault(f"{prefix}{name}", Growing(()))
+            # a copy: what a long array keeps of it is not to hold the rest
+            whole.append(values[part.start - begin : part.stop - begin].copy())
+    return {name: whole.whole() for name, whole in out.items()}
 
 
 def _values(
@@ -163,7 +165,7 @@ def palm_shape(x: Array) -> Array | None:
     enough = np.flatnonzero(by_blocks(_enough, x))
     if not enough.size:
         return None
-    some = x[enough[:: max(1, enough.size // _SHAPED)]][:, PALM]
+    some = rows_of(x, enough[:: max(1, enough.size // _SHAPED)])[:, PALM]
     shape = some[int(np.argmin(np.isnan(some[..., 0]).sum(1)))]
     shape = shape - nan_mean(shape, 0)
     for _ in range(_ROUNDS):  # joints that the first frame lacks come in with the others' mean
@@ -223,6 +225,10 @@ def _fast_turn(turns: Array, broken: NDArray[np.bool_]) -> Array:
     apart = np.swapaxes(turns, -1, -2) @ followed
     axis = np.stack([apart[:, k - 1, k - 2] - apart[:, k - 2, k - 1] for k in range(3)], 1) / 2
     return np.asarray(np.arctan2(lengths(axis), (np.trace(apart, axis1=1, axis2=2) - 1) / 2))
+
+
+def _root_mean_square_of_frames(values: Array) -> float:
+    return float(np.sqrt(mean_of_frames(by_blocks(np.square, values))))
 
 
 def _root_mean_square(values: Array) -> Array:

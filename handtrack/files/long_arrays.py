@@ -34,9 +34,14 @@ def scratch() -> Iterator[Path]:
 
 
 MOST = 16 * 10**6
-"""Bytes of an array that stay in memory."""
+"""Bytes of an array that stay in memory; a quarter of it of single numbers, of which a clip has
+dozens of arrays."""
 ROWS = 4096
 """Frames looked at at a time."""
+PICKED = 64
+"""Rows far from one another that are looked at at a time: the system reads much around each."""
+_NEAR = 4
+"""Of so many rows one is picked, where they are near each other."""
 _mapped: WeakSet[mmap.mmap] = WeakSet()
 
 
@@ -82,6 +87,7 @@ class Growing:
         self.shape, self.dtype = shape, np.dtype(dtype)
         self._parts: list[NDArray[Any]] = []
         self._size = 0
+        self._share = 1 if shape else 4
         self._row_bytes = math.prod(shape) * self.dtype.itemsize
         self._file: BufferedRandom | None = None
         self._n = 0
@@ -100,7 +106,7 @@ class Growing:
         self._size += rows.nbytes
         if self._file is None:
             self._parts.append(rows)
-            if self._size <= MOST:
+            if self._size * self._share <= MOST:
                 return
             rows, self._parts = np.concatenate(self._parts), []
         self._write(rows)
@@ -144,6 +150,18 @@ class Growing:
 
 def _bytes_of(rows: NDArray[Any]) -> memoryview:
     return rows.reshape(-1).view(np.uint8).data
+
+
+def rows_of(array: NDArray[Any], places: NDArray[np.int64]) -> NDArray[Any]:
+    """Copies of some rows, by their places in order, with few pages of a long array held at a
+    time."""
+    if array.nbytes <= MOST:
+        return array[places]
+    near = len(places) > 0 and places[-1] - places[0] < _NEAR * len(places)
+    out = np.empty((len(places), *array.shape[1:]), array.dtype)
+    for part in blocks(len(places), ROWS if near else PICKED):
+        out[part] = array[places[part]]
+    return out
 
 
 class GrowingTexts:

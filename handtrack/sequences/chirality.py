@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from handtrack.errors import InputError
-from handtrack.files.long_arrays import by_blocks
+from handtrack.files.long_arrays import by_blocks, rows_of
 from handtrack.hand.skeleton import BASES, N_JOINTS
 from handtrack.sequences.readers.raw import Array
 from handtrack.sequences.some_frames import some_frames
@@ -58,7 +58,7 @@ def bending(joints: Array) -> float:
     """The `chirality` of joints (T, 21, 3): of some frames of a long clip where these are sure."""
     some = some_frames(joints, _LOOK, _LEAST)
     if len(some) == _LOOK:
-        found = chirality(joints[some])
+        found = chirality(rows_of(joints, some))
         if all(abs(abs(found) - bound) > _SURE for bound in (0.0, DECIDED, STRONG)):
             return found
     return chirality(joints)

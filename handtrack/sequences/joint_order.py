@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from handtrack.errors import InputError, SettingsError
+from handtrack.files.long_arrays import rows_of
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS, ORDER_JOINTS, ORDERS
 from handtrack.sequences.readers.raw import Array, Raw
 from handtrack.sequences.skeleton_check import (
@@ -157,7 +158,8 @@ def _by_count(raw: Raw) -> Reading:
 
 def _enough(raw: Raw) -> Array:
     """Joints (F, N, 3) of frames that say something, and of no more than tell an order."""
-    return raw.joints[some_frames(raw.joints, _LOOK, min(_LEAST, raw.joints.shape[1]))]
+    least = min(_LEAST, raw.joints.shape[1])
+    return rows_of(raw.joints, some_frames(raw.joints, _LOOK, least))
 
 
 def with_as_many(n: int) -> str:

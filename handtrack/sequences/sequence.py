@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
-from handtrack.files.long_arrays import blocks, by_blocks
+from handtrack.files.long_arrays import blocks, by_blocks, rows_of
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
 
 if TYPE_CHECKING:
@@ -173,13 +173,14 @@ class Sequence:
         Raises:
             InputError: they have no joint.
         """
+        at = np.arange(len(self))[keep]
         return replace(
             self,
-            time_ns=self.time_ns[keep],
-            joints=self.joints[keep],
-            confidence=self.confidence[keep],
-            frame_index=self.frame_index[keep],
-            truth=None if self.truth is None else self.truth[keep],
+            time_ns=self.time_ns[at],
+            joints=rows_of(self.joints, at),
+            confidence=rows_of(self.confidence, at),
+            frame_index=self.frame_index[at],
+            truth=None if self.truth is None else rows_of(self.truth, at),
         )
 
     def __repr__(self) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from handtrack.errors import InputError
-from handtrack.files.long_arrays import by_blocks
+from handtrack.files.long_arrays import by_blocks, rows_of
 from handtrack.hand.skeleton import BASES, PARENTS
 from handtrack.sequences.readers.raw import METRES, Array, Unit
 from handtrack.sequences.some_frames import some_frames
@@ -43,7 +43,7 @@ def palm_length(joints: Array) -> float:
     with warnings.catch_warnings(), np.errstate(over="ignore", invalid="ignore"):
         # what is no place is refused later; means of nothing are NaN, as meant
         warnings.simplefilter("ignore", RuntimeWarning)
-        some = joints[some_frames(joints, _LOOK, 2)]
+        some = rows_of(joints, some_frames(joints, _LOOK, 2))
         palm = float(np.nanmedian(_palms(some)))
         if np.isnan(palm) and len(some) == _LOOK:
             palm = float(np.nanmedian(by_blocks(_palms, joints)))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.errors import InputError
+from handtrack.files.long_arrays import rows_of
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import BASES, BONES, N_JOINTS, ORDER_JOINTS, ORDERS, PALM
 from handtrack.sequences.some_frames import HUGE, some_frames
@@ -162,7 +163,7 @@ def folded_back(joints: Array, picks: Picks) -> list[int]:
     No joint of a finger bends by 135 degrees for long.
     """
     places = np.array(picks)
-    some = joints[:: max(1, len(joints) // _LOOK)]
+    some = rows_of(joints, np.arange(0, len(joints), max(1, len(joints) // _LOOK)))
     x = np.where((places < 0)[:, None], np.nan, some[:, places])
     x = np.where(np.abs(x) < HUGE, x, np.nan)
     out = []
@@ -221,7 +222,7 @@ def _log_distances(joints: Array) -> Array:
     frames = some_frames(joints, _LOOK, enough)
     if not len(frames):
         return np.zeros((0, joints.shape[1], joints.shape[1]))
-    x = joints[frames]
+    x = rows_of(joints, frames)
     x = np.where(np.abs(x) < HUGE, x, np.nan)
     apart = np.linalg.norm(x[:, :, None] - x[:, None], axis=-1)
     size = median(apart.reshape(len(x), -1), 1)[:, None, None]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.files.long_arrays import by_blocks
+from handtrack.files.long_arrays import by_blocks, rows_of
 from handtrack.sequences.readers.raw import Array
 
 _TRIED = 8
@@ -42,7 +42,7 @@ def some_frames(joints: Array, most: int, least: int) -> NDArray[np.int64]:
 
 def _having(joints: Array, frames: NDArray[np.int64], least: int) -> NDArray[np.int64]:
     def counted(rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        return np.asarray(there(joints[rows]).sum(1))
+        return np.asarray(there(rows_of(joints, rows)).sum(1))
 
     return frames[by_blocks(counted, frames) >= least] if len(frames) else frames
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
+from handtrack.files.long_arrays import rows_of
 from handtrack.hand.skeleton import BONES
 from handtrack.sequences.readers.pictures import FIT_IN_2D
 from handtrack.sequences.readers.raw import Array
@@ -52,7 +53,7 @@ def world_doubts(joints: Array, path: Path) -> list[str]:
     frames = some_frames(joints, _LOOK, _LEAST)
     if not len(frames):
         return []
-    x = joints[frames]
+    x = rows_of(joints, frames)
     palm = palm_length(x)
     if not palm > 0:
         return []
