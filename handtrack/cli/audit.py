@@ -81,13 +81,15 @@ def audit(
 def _sequences(data: tuple[Path, ...], reading: Reading, quiet: bool) -> list[Sequence]:
     from dataclasses import replace
 
+    from handtrack.sequences.load import unique_names
+
     found: list[Sequence] = []
     for path in data:
         sequences = (
             reading.load_folder(path, quiet)[0] if path.is_dir() else reading.load(path, quiet)
         )
         found += [s if s.source else replace(s, source=str(path)) for s in sequences]
-    return found
+    return unique_names(found)  # two files may be called the same
 
 
 def _print(audits: list[Audited]) -> None:

@@ -120,7 +120,7 @@ def convert(
         raise SettingsError("there is nothing to convert: no hand has a frame")
     names = hand_topics((f.name, f.hand) for f in found)
     sources = [Source.of(f, n, models) for f, n in zip(found, names, strict=True)]
-    if name in ("egodex", "umetrack") and len({s.hand for s in sources}) < len(sources):
+    if name in ("egodex", "openxr", "umetrack") and len({s.hand for s in sources}) < len(sources):
         raise SettingsError(f"{name} holds one left and one right hand: choose with --hand")
     origin = min(int(s.time_ns[0]) for s in sources)
     groups = [(path, sources)]

@@ -26,7 +26,7 @@ def columns(
 ) -> dict[str, NDArray[Any]]:
     """The table of a track: names, with units at their ends, and columns of T values.
 
-    `frame`, `time_ns`, `time_s` (from `origin_ns`), `status`, `reason`; the 20 angles
+    `frame`, `time_ns`, `time_s` (from `origin_ns`), `hand`, `status`, `reason`; the 20 angles
     (`index_mcp_flexion_deg`), where a filter was used also as fitted
     (`index_mcp_flexion_raw_deg`), and their standard deviation (`..._sd_deg`); the pose of the
     root frame in the world (`rotation_w`, ..., `translation_x_mm`); the joints of that pose
@@ -43,6 +43,7 @@ def columns(
         "frame": track.frame_index,
         "time_ns": track.time_ns,
         "time_s": (track.time_ns - origin_ns) * 1e-9,
+        "hand": np.full(len(track), track.hand),
         "status": track.status,
         "reason": track.reason,
     }

@@ -134,7 +134,7 @@ def load(
         else:
             chosen = key is not None or columns is not None
             raws = read_chosen(where, key, columns) if chosen else read_file(where, frames, format)
-            found = _unique_names(made(raws))
+            found = unique_names(made(raws))
     check_taken(pending, beside, where)
     return found
 
@@ -291,7 +291,7 @@ def _from_folder(
         told += passed_over
     elif others:
         sequences[0] = _noted(sequences[0], f"passed over: {_listed(others, folder)}")
-    return _unique_names(sequences)
+    return unique_names(sequences)
 
 
 def _listed(passed_over: list[str], folder: Path) -> str:
@@ -300,7 +300,7 @@ def _listed(passed_over: list[str], folder: Path) -> str:
     return f"{first}; and {more} more" if more else first
 
 
-def _unique_names(sequences: list[Sequence]) -> list[Sequence]:
+def unique_names(sequences: list[Sequence]) -> list[Sequence]:
     """The same, with the folder's name in front of names that several have, or else a number."""
     count = Counter(s.name for s in sequences)
     named = [

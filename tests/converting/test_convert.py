@@ -380,5 +380,6 @@ def test_wrong_commands(
 
 def test_one_hand_of_a_kind_in_formats_of_a_left_and_a_right(tmp_path: Path) -> None:
     two = [moving(), dataclasses.replace(moving(), name="other")]
-    with pytest.raises(SettingsError, match="one left and one right"):
-        ht.convert(two, tmp_path / "x.hdf5")
+    for name in ("x.hdf5", "x.jsonl"):
+        with pytest.raises(SettingsError, match="one left and one right"):
+            ht.convert(two, tmp_path / name)

@@ -26,3 +26,20 @@ def test_an_exported_table_is_tracked_again(tmp_path, right, name, least):
     assert np.array_equal(again.time_ns, sequence.time_ns)
     assert np.array_equal(again.frame_index, sequence.frame_index)
     assert not any("not used" in note for note in again.notes)
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_exported_tables_say_whose_hand_it_is(tmp_path, right, ending):
+    mirrored = right * [-1, 1, 1]
+    time_ns = np.arange(len(right)) * 20_000_000
+    tracks = [
+        ht.track(ht.Sequence(time_ns, joints, hand=hand), calibrate="none")
+        for hand, joints in (("left", mirrored), ("right", right))
+    ]
+    # each under a name that does not tell
+    for track, joints in zip(tracks, (mirrored, right), strict=True):
+        ht.export(track, tmp_path / f"a{len(track.hand)}.{ending}")
+        (again,) = ht.load(tmp_path / f"a{len(track.hand)}.{ending}")
+        assert again.hand == track.hand
+        np.testing.assert_allclose(again.joints, joints, atol=1e-8)
+        assert not any("no hand named" in note for note in again.notes)

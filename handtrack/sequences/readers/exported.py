@@ -6,7 +6,7 @@ from handtrack.hand.skeleton import JOINT_NAMES
 
 _ALL = [f"{name}_{axis}_mm" for name in JOINT_NAMES for axis in "xyz"]
 OBSERVED, TRUTH = "observed_", "truth_"
-_TIMES = ("frame", "time_ns")
+_KEPT = ("frame", "time_ns", "hand")
 
 
 def exported(titles: list[str]) -> tuple[list[str], list[str] | None] | None:
@@ -17,7 +17,7 @@ def exported(titles: list[str]) -> tuple[list[str], list[str] | None] | None:
     there = set(titles)
     if not there.issuperset(OBSERVED + name for name in _ALL):
         return None
-    observed = [_bare(t, OBSERVED) or (t if t in _TIMES else "") for t in titles]
+    observed = [_bare(t, OBSERVED) or (t if t in _KEPT else "") for t in titles]
     if not there.issuperset(TRUTH + name for name in _ALL):
         return observed, None
     return observed, [_bare(t, TRUTH) for t in titles]
