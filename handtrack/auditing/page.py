@@ -17,8 +17,10 @@ body{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:70rem;padding
 color:#222;background:#fff}table{border-collapse:collapse;width:100%}th,td{text-align:left;
 padding:.25rem .6rem;border-bottom:1px solid #ddd}td.n,th.n{text-align:right;
 font-variant-numeric:tabular-nums}h2{margin:2rem 0 .3rem}ul{margin:.3rem 0}
+tr.found td{padding:0 .6rem .6rem 1.6rem;color:#666}tr.of td{border-bottom:0;padding-top:.6rem}
 figure{display:inline-block;margin:.4rem}figcaption{font-size:.8rem;color:#555;text-align:center}.kind{font-weight:600}
-@media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}th,td{border-color:#444}}
+@media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}th,td{border-color:#444}
+tr.found td{color:#aaa}}
 """
 _SIZE = 170
 _NUMBERS = (
@@ -43,7 +45,7 @@ def to_html(audits: list[Audited]) -> str:
         f"<style>{_STYLE}</style><h1>What cannot be true of {len(audits)} sequences</h1>"
         "<p>The worst first: every kind of fault counts by the square root of the share of frames"
         " it is in, and more the further it is beyond what is let pass.</p>"
-        f"<table><tr><th>sequence</th><th>hand</th>{head}<th>found</th></tr>{rows}</table>{parts}"
+        f"<table><tr><th>sequence</th><th>hand</th>{head}</tr>{rows}</table>{parts}"
         f"<p>Made by handtrack {__version__}.</p></html>"
     )
 
@@ -56,7 +58,10 @@ def _row(i: int, a: Audited) -> str:
     ]
     numbers = "".join(f'<td class="n">{c}</td>' for c in cells)
     name = f'<a href="#s{i}">{html.escape(a.name)}</a>' if a.findings else html.escape(a.name)
-    return f"<tr><td>{name}</td><td>{a.hand}</td>{numbers}<td>{kinds}</td></tr>"
+    return (
+        f'<tr class="of"><td>{name}</td><td>{a.hand}</td>{numbers}</tr>'
+        f'<tr class="found"><td colspan="{len(cells) + 2}">{kinds}</td></tr>'
+    )
 
 
 def _part(i: int, a: Audited) -> str:
