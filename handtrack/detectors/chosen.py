@@ -53,4 +53,6 @@ def told(settings: Mapping[str, object]) -> str:
     said = f"{shown(str(settings.get('detector')), 80)}"
     if isinstance(reason, str) and reason:
         said += f", {shown(reason, 80)}"
+    if settings.get("detector_corrects") is True:
+        said += "; joints are corrected before they are fitted, errors are to those as detected"
     return said + " (--detector none: joint centres)"

@@ -126,11 +126,13 @@ def track(
     return made.track()
 
 
-def _detector_said(settings: TrackSettings, profile: Profile | None) -> dict[str, str]:
+def _detector_said(settings: TrackSettings, profile: Profile | None) -> dict[str, object]:
     if profile is None:
         return {}
     name = profile.name if settings.detector == AUTO else settings.detector
-    return {"detector": name, "detector_why": why(settings.detector)}
+    said: dict[str, object] = {"detector": name, "detector_why": why(settings.detector)}
+    # what is written as observed is not what was fitted
+    return said | ({} if profile.correction is None else {"detector_corrects": True})
 
 
 def _subject(

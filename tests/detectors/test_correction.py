@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import handtrack as ht
+from handtrack.detectors.chosen import told
 from handtrack.detectors.correction import Correction, Palms
 from handtrack.detectors.profile import IN_SPACE, Noise, Profile, load_profile, save_profile
 from handtrack.errors import InputError
@@ -124,6 +125,7 @@ def test_through_a_file_a_recording_and_back(found, tmp_path):
     before, after = (pa_mpjpe(j, truth).mean() for j in (sequence.joints, track.filtered_joints))
     assert after < 0.6 * before
     np.testing.assert_array_equal(track.observed, sequence.joints)
+    assert "errors are to those as detected" in told(track.settings)
     write_mcap([track], tmp_path / "a.mcap")
     (stored,) = read_mcap(tmp_path / "a.mcap")
     np.testing.assert_array_equal(retrack(stored).angles, track.angles)
