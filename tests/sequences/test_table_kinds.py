@@ -355,3 +355,18 @@ def test_a_time_and_63_numbers(read, right):
 def test_21_lines_of_3_numbers(read, right):
     (sequence,) = read("\n".join(" ".join(map(repr, map(float, j))) for j in right[0]), "a.txt")
     np.testing.assert_array_equal(sequence.joints, right[:1])
+
+
+def test_titles_in_a_windows_code_page_are_read(tmp_path, right):
+    lines = [";".join(["Time (s)", "Abstand \xb5m", *titles(JOINT_NAMES)])]
+    for i, joints in enumerate(right):
+        cells = [f"{v:.9f}" for v in joints.ravel()]
+        lines.append(";".join([f"{i / 60:.6f}", "0", *cells]))
+    path = tmp_path / "a.csv"
+    path.write_bytes("\r\n".join(lines).encode("latin-1"))
+    (sequence,) = ht.load(path)
+    np.testing.assert_allclose(sequence.joints, right, atol=1e-8)
+    # in the rows themselves it is no text that can be trusted
+    path.write_bytes("\n".join([lines[0], *lines[1:] * 2, "\xb5" + lines[1]]).encode("latin-1"))
+    with pytest.raises(ht.InputError, match="save it as UTF-8"):
+        ht.load(path)

@@ -10,6 +10,9 @@ from handtrack.sequences.readers.jsontext import as_utf8
 from handtrack.sequences.readers.raw import NotJointsError
 
 _LONGEST = 200_000
+_HEAD = 20
+"""Lines in which titles and notes stand, whose letters may be of a Windows code page."""
+_ASCII = bytes(range(128))
 _MOST_JOINED = 300
 """So many lines a quoted cell may have."""
 
@@ -18,7 +21,11 @@ def _text(data: bytes, path: Path) -> str:
     try:
         return as_utf8(data).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise NotJointsError(f"not UTF-8 text (byte {error.start})", path) from None
+        rows = data.split(b"\n", _HEAD)[_HEAD:]
+        if not any(row.translate(None, _ASCII) for row in rows) and b"\0" not in data:
+            return data.decode("cp1252", "replace")
+        reason = f"not UTF-8 text (byte {error.start}): save it as UTF-8"
+        raise NotJointsError(reason, path) from None
 
 
 def lines_of(data: bytes, path: Path) -> tuple[list[str], list[int], str]:
