@@ -210,3 +210,12 @@ def test_deeplabcut_3d(tmp_path, right):
     path.write_text("\n".join(lines) + "\n")
     (sequence,) = ht.load(path, unit="cm", hand="right")
     np.testing.assert_allclose(sequence.joints, right, atol=1e-6)
+
+
+@pytest.mark.parametrize("end", ["\n\n", "\r\n\r\n", "\t\r\n"])
+def test_trc_with_blank_lines_keeps_its_unit(tmp_path, right, end):
+    text = trc_text([f"R_{n}" for n in JOINT_NAMES], 1e3 * right)
+    path = tmp_path / "a.trc"
+    path.write_text(text.replace("\n", end), newline="")
+    (sequence,) = ht.load(path)
+    np.testing.assert_allclose(sequence.joints, right, atol=1e-6)

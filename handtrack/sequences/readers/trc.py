@@ -33,7 +33,7 @@ from handtrack.sequences.readers.table_cells import Table
 
 START = b"PathFileType"
 _MOST = 2000
-_HEAD = 12
+_HEAD = 20
 _AXES = re.compile(r"[XYZxyz]_?\d*")
 
 
@@ -48,7 +48,7 @@ def read_trc(data: bytes, path: Path) -> list[Raw]:
     named = next((i for i, li in enumerate(lines[:_HEAD]) if li.lower().startswith("frame")), None)
     if named is None or named < 2:
         raise InputError("the header is cut short: expected a line that begins with Frame#", path)
-    said = _header(lines[:named])
+    said = _header([li for li in lines[:named] if li.strip()])
     names = _names(lines[named], path)
     begin = named + 1
     while begin < len(lines) and not _is_row(lines[begin]):
