@@ -18,9 +18,40 @@ from handtrack.errors import HandtrackError
 from handtrack.exporting.files import export
 from handtrack.exporting.table import columns
 from handtrack.files.long_arrays import scratch
+from handtrack.hand.mano_pose import to_mano
+from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES
 from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import Track
+
+
+def write_mano(tracks: Sequence[Track], path: Path) -> list[Path]:
+    """MANO's 48 values of each frame and the translation, a file for each hand.
+
+    `global_orient` (T, 3), `hand_pose` (T, 45) [rad], `transl` (T, 3) [m], `betas` (S,) where
+    the hand is MANO's own, `time_ns`, `frame_index`, `hand`: as smplx takes them with
+    flat_hand_mean=True and use_pca=False. NaN where the hand is lost.
+    """
+    written = []
+    for i, track in enumerate(tracks):
+        file = path if len(tracks) == 1 else path.with_stem(f"{path.stem}_{i}_{track.hand}")
+        rotation = quaternion_to_matrix(track.quaternion)
+        pose = to_mano(track.model, track.angles, rotation, track.translation)
+        made: dict[str, Any] = {
+            "global_orient": pose.global_orient,
+            "hand_pose": pose.hand_pose,
+            "transl": pose.transl,
+            "time_ns": track.time_ns,
+            "frame_index": track.frame_index,
+            "hand": np.array(track.hand),
+        }
+        if pose.betas is not None:
+            made["betas"] = pose.betas
+        with file.open("wb") as stream:
+            np.savez_compressed(stream, **made)
+        written.append(file)
+    return written
+
 
 RECORDINGS, FRAMES, EXPORTED = "recordings", "frames", "exports"
 SETTINGS = "settings.json"
@@ -126,8 +157,6 @@ def _exported(store: Store, clip: Clip, tracks: Sequence[Track], kind: str) -> l
     with scratch() as folder:
         base = Path(clip.name).name
         if kind == "mano":
-            from handtrack.batching.mano import write_mano
-
             written = write_mano(tracks, folder / f"{base}_mano.npz")
         else:
             written = [done.path for done in export(tracks, folder / f"{base}.{kind}")]

@@ -17,8 +17,8 @@ import click
 from handtrack import __version__
 from handtrack.cli.commands import COMMANDS as COMMANDS
 from handtrack.cli.helping import pointing_to_help, suggestion
+from handtrack.cli.progress import begin
 from handtrack.cli.streams import STOPPED, stopping, usable_streams
-from handtrack.cli.timing import begin
 from handtrack.errors import HandtrackError, InputError, ModelError, SettingsError
 
 _COLLECT_EVERY = 50_000

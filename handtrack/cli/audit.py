@@ -11,9 +11,8 @@ import click
 from handtrack.cli.helping import Command
 from handtrack.cli.inputs import Reading
 from handtrack.cli.models import mano_options
-from handtrack.cli.options import json_option, quiet_option
+from handtrack.cli.options import json_option, quiet_option, reading_options
 from handtrack.cli.outputs import check_target, overwrite_option
-from handtrack.cli.reading_options import reading_options
 from handtrack.files.whole import whole_file
 
 if TYPE_CHECKING:

@@ -21,12 +21,12 @@ from handtrack.cli.options import (
     is_default,
     json_option,
     quiet_option,
+    reading_options,
     recording_options,
     take_recording,
     take_tracking,
     tracking_options,
 )
-from handtrack.cli.reading_options import reading_options
 from handtrack.errors import SettingsError
 
 if TYPE_CHECKING:

@@ -11,10 +11,9 @@ import click
 from handtrack.cli.helping import Command
 from handtrack.cli.inputs import Reading
 from handtrack.cli.models import model_options, take_models
-from handtrack.cli.options import json_option, quiet_option
+from handtrack.cli.options import json_option, quiet_option, reading_options
 from handtrack.cli.outputs import check_target, overwrite_option
 from handtrack.cli.progress import compiling_said
-from handtrack.cli.reading_options import reading_options
 from handtrack.errors import InputError, SettingsError
 
 if TYPE_CHECKING:

@@ -12,10 +12,9 @@ from handtrack.cli.config import used_config
 from handtrack.cli.helping import Command
 from handtrack.cli.inputs import Reading
 from handtrack.cli.models import hand_model_option, model_options, take_models
-from handtrack.cli.options import json_option, quiet_option
+from handtrack.cli.options import json_option, quiet_option, reading_options
 from handtrack.cli.outputs import overwrite_option, refuse_existing
 from handtrack.cli.progress import compiling_said
-from handtrack.cli.reading_options import reading_options
 from handtrack.errors import InputError, SettingsError
 
 if TYPE_CHECKING:

@@ -15,9 +15,8 @@ from handtrack.cli.models import Models
 from handtrack.cli.options import is_default
 from handtrack.cli.outputs import Job, Stretches, recorder
 from handtrack.cli.pictures import for_viewer
-from handtrack.cli.progress import Progress
+from handtrack.cli.progress import Progress, Times
 from handtrack.cli.sources import Item, Skipped
-from handtrack.cli.timing import Times
 from handtrack.errors import HandtrackError, NoHandError, SettingsError
 
 if TYPE_CHECKING:

@@ -10,9 +10,8 @@ import click
 
 from handtrack.cli.helping import Command
 from handtrack.cli.inputs import Reading, Truths
-from handtrack.cli.options import json_option, quiet_option
+from handtrack.cli.options import json_option, quiet_option, reading_options
 from handtrack.cli.outputs import check_target
-from handtrack.cli.reading_options import reading_options
 from handtrack.errors import InputError
 
 if TYPE_CHECKING:

@@ -16,9 +16,8 @@ import click
 from handtrack.cli.helping import Command
 from handtrack.cli.inputs import Reading, Truths, estimates
 from handtrack.cli.models import mano_options
-from handtrack.cli.options import is_default, json_option, quiet_option
+from handtrack.cli.options import is_default, json_option, quiet_option, reading_options
 from handtrack.cli.outputs import check_target, overwrite_option
-from handtrack.cli.reading_options import reading_options
 from handtrack.errors import SettingsError
 from handtrack.files.whole import whole_file
 

@@ -18,6 +18,7 @@ from handtrack.cli.options import (
     is_default,
     json_option,
     quiet_option,
+    reading_options,
     recording_options,
     take_recording,
     take_tracking,
@@ -25,10 +26,8 @@ from handtrack.cli.options import (
 )
 from handtrack.cli.outputs import jobs, overwrite_option
 from handtrack.cli.pictures import check_overlay, picture_options
-from handtrack.cli.progress import compiling_said, progress_shown, warm_up
-from handtrack.cli.reading_options import reading_options
+from handtrack.cli.progress import Times, compiling_said, progress_shown, warm_up
 from handtrack.cli.sources import Given, items_of
-from handtrack.cli.timing import Times
 from handtrack.errors import HandtrackError, SettingsError
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.converting.loss import at_times, turned_at
 from handtrack.converting.openxr import places
-from handtrack.converting.resample import at_times, turned_at
 from handtrack.converting.source import Source
 from handtrack.errors import SettingsError
 from handtrack.sequences.readers.egodex import FPS

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from handtrack.exporting.poses import joint_rotations, operator_frame, rotation_values
+from handtrack.exporting.table import joint_rotations, operator_frame, rotation_values
 from handtrack.hand.mano_pose import to_mano
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES, PARENTS, PART_NAMES

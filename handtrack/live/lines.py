@@ -17,10 +17,9 @@ from handtrack.live.sources import Newest
 from handtrack.sequences.assemble import Given, assemble
 from handtrack.sequences.clock import Stamps, read_clock
 from handtrack.sequences.readers.found import is_blank
-from handtrack.sequences.readers.jsontext import decode
+from handtrack.sequences.readers.jsontext import blanks_as_null, decode
 from handtrack.sequences.readers.landmark_lines import LandmarkLines, is_text_line
-from handtrack.sequences.readers.missing import blanks_as_null
-from handtrack.sequences.readers.record_times import stamps_of
+from handtrack.sequences.readers.record_places import stamps_of
 from handtrack.sequences.readers.records import read_records
 from handtrack.sequences.readers.spelling import in_small_letters
 

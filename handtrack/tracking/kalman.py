@@ -26,9 +26,8 @@ from handtrack.kernels.filter_state import (
 from handtrack.kernels.kalman import LEAST_NOISE
 from handtrack.kernels.workspace import RESULT, UNFITTED, Records
 from handtrack.tracking import process_noise
-from handtrack.tracking.colour import LASTS_S, lasting_share
 from handtrack.tracking.filter_input import Frames, LongFrames
-from handtrack.tracking.process_noise import N_POSE
+from handtrack.tracking.process_noise import LASTS_S, N_POSE, lasting_share
 from handtrack.tracking.settings import TrackerSettings
 
 Array = NDArray[np.float64]

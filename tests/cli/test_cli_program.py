@@ -16,8 +16,8 @@ import pytest
 from cli_cases import files
 
 import handtrack as ht
+from handtrack.cli import progress
 from handtrack.cli import progress as cli_progress
-from handtrack.cli import timing
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tests" / "hand")]
@@ -120,9 +120,9 @@ def test_compiling_is_said_once_and_only_when_it_happens(capsys):
 
 def test_what_took_the_time_adds_up_to_the_whole(monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(timing.time, "perf_counter", lambda: now[0])
-    timing.begin()
-    times = timing.Times()
+    monkeypatch.setattr(progress.time, "perf_counter", lambda: now[0])
+    progress.begin()
+    times = progress.Times()
     now[0] += 0.5
     with times.during("writing"):
         now[0] += 0.25

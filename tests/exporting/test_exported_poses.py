@@ -13,7 +13,7 @@ from pyarrow import parquet
 import handtrack as ht
 from handtrack.cli import run
 from handtrack.errors import SettingsError
-from handtrack.exporting.poses import operator_frame
+from handtrack.exporting.table import operator_frame
 from handtrack.hand.rotations import quaternion_to_matrix, vector_to_matrix
 from handtrack.hand.skeleton import JOINT_NAMES, PARENTS, TIPS
 

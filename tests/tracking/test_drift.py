@@ -12,9 +12,9 @@ from handtrack.kernels import colour
 from handtrack.kernels.drift import LEAST_UNIT
 from handtrack.kernels.workspace import UNFITTED
 from handtrack.tracking import process_noise
-from handtrack.tracking.colour import lasting_share
 from handtrack.tracking.filter_input import Frames, LongFrames
 from handtrack.tracking.kalman import DriftingFilter, KalmanFilter
+from handtrack.tracking.process_noise import lasting_share
 from tools.bench.rendered.__main__ import DATA
 from tools.bench.rendered.cases import TRIANGULATED, Case, cases
 from tools.bench.rendered.layout import read

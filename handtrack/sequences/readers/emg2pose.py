@@ -18,8 +18,8 @@ from handtrack.errors import InputError
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import as_side
 from handtrack.sequences.readers.catalogue import Format
+from handtrack.sequences.readers.hdf5_arrays import said
 from handtrack.sequences.readers.hdf5_file import dataset, member
-from handtrack.sequences.readers.hdf5_texts import said
 from handtrack.sequences.readers.raw import Raw, stem
 from handtrack.sequences.readers.umetrack import N_HINGES, Angles
 

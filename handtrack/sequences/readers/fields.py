@@ -23,7 +23,7 @@ from handtrack.hand.skeleton import N_JOINTS, ORDER_JOINTS
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.joint_order import with_as_many
 from handtrack.sequences.names import UNUSED, as_side, joint_name, settle, words
-from handtrack.sequences.readers.nested import nested_array, nested_numbers, numbers
+from handtrack.sequences.readers.jsontext import nested_array, nested_numbers, numbers
 from handtrack.sequences.readers.raw import (
     METRES,
     Array,

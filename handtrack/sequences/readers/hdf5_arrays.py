@@ -1,17 +1,139 @@
-"""Reader of named arrays in HDF5, as in .npz (see `fields`), and of visionOS streams in them."""
+"""Reader of named arrays in HDF5, as in .npz (see `fields`), and of visionOS streams in them.
+
+Texts of variable length lie somewhere in the file, as long as a number says for which the library
+makes room before it looks: here it is looked at first.
+"""
 
 from __future__ import annotations
 
+import mmap
+import re
+import struct
+import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from handtrack.errors import InputError, shown
+from handtrack.files import budget
 from handtrack.sequences.readers import visionpro
 from handtrack.sequences.readers.both_hands import by_frame, of_sides, two_hands
 from handtrack.sequences.readers.fields import from_fields
 from handtrack.sequences.readers.hdf5_file import dataset, member, names_in
-from handtrack.sequences.readers.hdf5_texts import said, texts
 from handtrack.sequences.readers.raw import Raw
 from handtrack.sequences.titles import joints_key
+
+_LENGTH, _REFERENCE = struct.Struct("<I"), 16
+"""A text's length, and where it lies: 16 bytes in all."""
+_HEADER = struct.Struct("<BBHHH")
+"""Of an attribute: version, flags, sizes of its name, type and shape."""
+_SEARCHED = 256 * budget.MB
+_DEFLATE = 1
+_LONGEST = 200
+
+
+def said(group: Any, name: str, path: Path) -> str:
+    """A group's attribute as text, "" where there is none or it is something else.
+
+    Raises:
+        InputError: it is said to be larger than the file.
+    """
+    from h5py import h5a
+
+    key = name.encode()
+    if not h5a.exists(group.id, key):
+        return ""
+    attribute = h5a.open(group.id, key)
+    size = path.stat().st_size
+    if attribute.get_storage_size() > size:
+        raise _too_long(attribute.get_storage_size(), name, path)
+    if attribute.dtype.kind == "O":
+        if attribute.shape not in ((), (1,)):
+            return ""
+        for length in _told(key, path):
+            if length > size:
+                raise _too_long(length, name, path)
+    value = group.attrs[name]
+    if getattr(value, "shape", None) == (1,):
+        value = value[0]
+    if isinstance(value, bytes):
+        value = value.decode("utf-8", "replace")
+    return value[:_LONGEST] if isinstance(value, str) else ""
+
+
+def _told(key: bytes, path: Path) -> Iterator[int]:
+    """The length of the text in each attribute of that name in the file."""
+    if path.stat().st_size > _SEARCHED:
+        return
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        for found in re.finditer(re.escape(key) + b"\0", data):
+            for back, versions in ((8, (1, 2)), (9, (3,))):
+                begin = found.start() - back
+                if begin < 0:
+                    continue
+                version, _, own, kind, shape = _HEADER.unpack_from(data, begin)
+                if version not in versions or own != len(key) + 1:
+                    continue
+                pad = 8 if version == 1 else 1
+                at = found.start() + sum(-(-n // pad) * pad for n in (own, kind, shape))
+                if at + _LENGTH.size <= len(data):
+                    yield _LENGTH.unpack_from(data, at)[0]
+
+
+def texts(data: Any, name: str, path: Path) -> Any:
+    """All of a data set of texts: an array of them, or one; None where it holds other things.
+
+    Raises:
+        InputError: they are said to be larger than the file, or packed in a way that is not read.
+    """
+    import h5py
+
+    if h5py.check_string_dtype(data.dtype) is None:
+        return None
+    if data.dtype.kind == "O":
+        size, total = path.stat().st_size, 0
+        for piece in _pieces(data, name, path):
+            for (length,) in struct.iter_unpack("<I12x", piece[: len(piece) // 16 * 16]):
+                total += length
+            if total > size:
+                raise _too_long(total, name, path)
+    found = data.asstr()[()]
+    return found.astype(str) if getattr(found, "ndim", 0) else found
+
+
+def _pieces(data: Any, name: str, path: Path) -> Iterator[bytes]:
+    """The references of a data set, as they are stored."""
+    if data.chunks is None:
+        begin = data.id.get_offset()
+        if begin is None:
+            if data.size:
+                raise InputError(f"{shown(name, 60)} is stored in a way that is not read", path)
+            return
+        with path.open("rb") as file:
+            file.seek(begin)
+            yield file.read(_REFERENCE * int(data.size))
+        return
+    created = data.id.get_create_plist()
+    filters = [created.get_filter(i)[0] for i in range(created.get_nfilters())]
+    if filters not in ([], [_DEFLATE]):
+        raise InputError(f"{shown(name, 60)}: texts are packed in a way that is not read", path)
+    places: list[tuple[int, ...]] = []
+    data.id.chunk_iter(lambda info: places.append(info.chunk_offset))
+    most = _REFERENCE
+    for n in data.chunks:
+        most *= n
+    for place in places:
+        mask, piece = data.id.read_direct_chunk(place)
+        yield piece if mask or not filters else zlib.decompressobj().decompress(piece, most)
+
+
+def _too_long(told: int, name: str, path: Path) -> InputError:
+    return InputError(
+        f"the HDF5 file is damaged: {shown(name, 60)} tells of {told} bytes of text, the file has"
+        f" {path.stat().st_size}",
+        path,
+    )
+
 
 _DEEPEST = 3
 

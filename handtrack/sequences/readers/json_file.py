@@ -40,8 +40,7 @@ from handtrack.sequences.readers.fields import as_frames, from_fields
 from handtrack.sequences.readers.flat_json import with_depth
 from handtrack.sequences.readers.found import CONTAINERS, MOST_HANDS, MOST_NAMES, hands_in
 from handtrack.sequences.readers.json_table import table_of
-from handtrack.sequences.readers.jsontext import decode
-from handtrack.sequences.readers.missing import blanks_as_null, is_blank
+from handtrack.sequences.readers.jsontext import blanks_as_null, decode, is_blank
 from handtrack.sequences.readers.number_text import Forms
 from handtrack.sequences.readers.pictures import flat
 from handtrack.sequences.readers.points import are_points, has_names

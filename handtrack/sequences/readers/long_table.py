@@ -13,14 +13,13 @@ from handtrack.errors import InputError
 from handtrack.hand.skeleton import Hand
 from handtrack.sequences.clips import runs
 from handtrack.sequences.clock import Stamps
-from handtrack.sequences.readers.empty_frames import between, filled
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.long_columns import LongColumns
 from handtrack.sequences.readers.pictures import flat, seen_in_picture
 from handtrack.sequences.readers.raw import Array, Raw, stem, usable_confidence
 from handtrack.sequences.readers.table_cells import Table
 from handtrack.sequences.readers.table_columns import Columns, other_columns
-from handtrack.sequences.readers.table_rows import by_hand, label_column, stamps_in
+from handtrack.sequences.readers.table_rows import between, by_hand, filled, label_column, stamps_in
 from handtrack.sequences.titles import is_frame_number
 
 _NEAR = 200

@@ -18,7 +18,7 @@ from typing import IO, cast
 
 from handtrack.errors import InputError, shown
 from handtrack.files import budget
-from handtrack.sequences.readers import hot3d_clips
+from handtrack.sequences.readers import hot3d
 from handtrack.sequences.readers.panoptic import (
     FILE_NAME,
     FRAME,
@@ -93,7 +93,7 @@ def read_tar(path: Path, frames: Frames = None) -> list[Raw]:
         with _stream(path) as stream, tarfile.open(fileobj=stream, mode="r:") as archive:
             for member in _members(archive, path):
                 inside = Path(member.name)
-                if hot3d_clips.takes(inside.name) and member.isfile():
+                if hot3d.takes(inside.name) and member.isfile():
                     clip[inside.name] = _content(archive, member, path)
                 match = FILE_NAME.fullmatch(inside.name)
                 if match is None or not member.isfile():
@@ -110,7 +110,7 @@ def read_tar(path: Path, frames: Frames = None) -> list[Raw]:
         detail = shown(" ".join(str(error).split()), 120) or type(error).__name__
         raise InputError(f"the archive is damaged or cut short ({detail})", path) from None
     if not numbers and clip:
-        return hot3d_clips.read_clip(clip, path, frames)
+        return hot3d.read_clip(clip, path, frames)
     if not numbers:
         raise NotJointsError(
             "no handRecon3D_hd*.json in the archive, and no *.hands.json of HOT3D-Clips", path

@@ -26,8 +26,8 @@ from handtrack.sequences.names import as_side, words
 from handtrack.sequences.readers import text_table
 from handtrack.sequences.readers.both_hands import two_hands
 from handtrack.sequences.readers.catalogue import Format, Way
-from handtrack.sequences.readers.exported import OBSERVED, TRUTH
 from handtrack.sequences.readers.raw import NotJointsError, Raw, as_fps, stem, take_rows
+from handtrack.sequences.readers.table_rows import OBSERVED, TRUTH
 
 if TYPE_CHECKING:
     import pyarrow

@@ -19,7 +19,7 @@ from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import words
 from handtrack.sequences.readers.fields import RATES, UNIT_KEYS, as_frames
 from handtrack.sequences.readers.found import Found, hands_in, names_hands, side_of
-from handtrack.sequences.readers.missing import blanks_as_null
+from handtrack.sequences.readers.jsontext import blanks_as_null
 from handtrack.sequences.readers.pictures import seen_in_picture
 from handtrack.sequences.readers.points import are_points, read_points
 from handtrack.sequences.readers.points_together import read_many
@@ -33,8 +33,7 @@ from handtrack.sequences.readers.raw import (
     stem,
     usable_confidence,
 )
-from handtrack.sequences.readers.record_places import Picked
-from handtrack.sequences.readers.record_times import frame_index_of, stamps_of
+from handtrack.sequences.readers.record_places import Picked, frame_index_of, stamps_of
 from handtrack.sequences.titles import looks_meant, time_unit
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from handtrack.errors import InputError, shown
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.names import joint_name, without_hand, words
-from handtrack.sequences.readers import cdr, foxglove_messages, isaac
+from handtrack.sequences.readers import cdr, robot_messages
 from handtrack.sequences.readers.both_hands import two_hands
 from handtrack.sequences.readers.fields import JOINT_COUNTS, PAIRS
 from handtrack.sequences.readers.mcap_json import message_stamps
@@ -49,8 +49,8 @@ def understood(schema: str, encoding: str) -> bool:
     if encoding in ("cdr", "ros1"):
         return _ros2(schema) in _CDR
     if encoding in ("protobuf", "json"):
-        return schema in foxglove_messages.SCHEMAS
-    return encoding == "flatbuffer" and schema == isaac.SCHEMA
+        return schema in robot_messages.SCHEMAS
+    return encoding == "flatbuffer" and schema == robot_messages.SCHEMA
 
 
 def _ros2(schema: str) -> str:
@@ -68,10 +68,10 @@ def decode(data: bytes, schema: str, encoding: str, definition: bytes) -> Messag
         text = definition.decode("utf-8", "replace")
         return _CDR[_ros2(schema)](cdr.Cdr(data, encoding == "ros1"), text)
     if encoding == "protobuf":
-        return foxglove_messages.protobuf(data, schema, definition)
+        return robot_messages.protobuf(data, schema, definition)
     if encoding == "json":
-        return foxglove_messages.json(data, schema)
-    return isaac.hand_pose(data)
+        return robot_messages.json(data, schema)
+    return robot_messages.hand_pose(data)
 
 
 @dataclass

@@ -1,12 +1,16 @@
-"""The rows of a table: when each was, and whose hand it is of."""
+"""The rows of a table: when each was, and whose hand it is of; frames without rows; and what
+`handtrack export` wrote, of whose many columns the observed joints and the truth are taken.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handtrack.errors import InputError
+from handtrack.hand.skeleton import JOINT_NAMES
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import as_side, words
 from handtrack.sequences.readers.fields import FINEST
@@ -135,3 +139,53 @@ def _doubled(keys: list[tuple[str, str]], raw: Raw) -> bool:
     times = None if raw.stamps is None else raw.stamps.values
     when = raw.frame_index if raw.frame_index is not None else times
     return when is not None and len({*zip(keys, list(when), strict=True)}) < len(keys)
+
+
+_ALL = [f"{name}_{axis}_mm" for name in JOINT_NAMES for axis in "xyz"]
+OBSERVED, TRUTH = "observed_", "truth_"
+_KEPT = ("frame", "time_ns", "hand")
+
+
+def exported(titles: list[str]) -> tuple[list[str], list[str] | None] | None:
+    """The titles of what was observed and of the truth, others left empty; None of another table.
+
+    The second is None where no truth is in it.
+    """
+    there = set(titles)
+    if not there.issuperset(OBSERVED + name for name in _ALL):
+        return None
+    observed = [_bare(t, OBSERVED) or (t if t in _KEPT else "") for t in titles]
+    if not there.issuperset(TRUTH + name for name in _ALL):
+        return observed, None
+    return observed, [_bare(t, TRUTH) for t in titles]
+
+
+def _bare(title: str, kind: str) -> str:
+    name = title.removeprefix(kind)
+    return name if name != title and name in _ALL else ""
+
+
+_MOST_FILLED = 300
+
+
+def filled(numbers: NDArray[np.int64], stamps: Stamps | None) -> bool:
+    """Whether numbers without rows are frames in which nothing was seen."""
+    steps = np.diff(numbers)
+    if not len(steps) or (steps == 1).mean() < 0.5 or steps.max() > _MOST_FILLED:
+        return False
+    few = numbers[-1] - numbers[0] <= 3 * len(numbers) + 100
+    return bool(few) and (stamps is None or isinstance(stamps.values, np.ndarray))
+
+
+def between(stamps: Stamps, numbers: NDArray[np.int64], every: NDArray[np.int64]) -> Stamps:
+    """Times of all frames, of those without rows between their neighbours'."""
+    values = stamps.values
+    since = values - values[0]
+    between = np.interp(every, numbers, since.astype(np.float64))
+    if values.dtype.kind == "i":
+        full = np.round(between).astype(np.int64) + values[0]
+        full[numbers - numbers[0]] = values
+        return Stamps(full, stamps.name, stamps.unit)
+    full = between + values[0]
+    full[numbers - numbers[0]] = values
+    return Stamps(full, stamps.name, stamps.unit)

@@ -24,7 +24,6 @@ from handtrack.errors import InputError
 from handtrack.sequences.readers.aria import InDevice
 from handtrack.sequences.readers.bare_table import read_bare
 from handtrack.sequences.readers.catalogue import Format
-from handtrack.sequences.readers.exported import exported
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.long_columns import long_columns
 from handtrack.sequences.readers.long_table import read_long
@@ -38,7 +37,7 @@ from handtrack.sequences.readers.raw import (
 )
 from handtrack.sequences.readers.table_cells import Table, read_cells
 from handtrack.sequences.readers.table_columns import HandColumns, read_columns
-from handtrack.sequences.readers.table_rows import by_hand, label_column, stamps_in
+from handtrack.sequences.readers.table_rows import by_hand, exported, label_column, stamps_in
 
 _MOST_COLUMNS = 5000
 _FEWEST_DOUBLED = 60
