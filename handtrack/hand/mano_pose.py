@@ -11,7 +11,7 @@ from handtrack.errors import InputError
 from handtrack.hand.mano import MANO, MANO_JOINT, mano_axes
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import about_axis, matrix_to_vector, vector_to_matrix
-from handtrack.hand.skeleton import N_ANGLES, N_PARTS, ORDERS, PART_JOINT, TIPS
+from handtrack.hand.skeleton import N_ANGLES, N_PARTS, PART_JOINT, TIPS
 from handtrack.hand.skinning import Skinning
 
 Array = NDArray[np.float64]
@@ -138,16 +138,6 @@ def from_mano(
     wrist = model.rest_joints[0] @ turn
     translation = np.asarray(transl, dtype=np.float64) + wrist - root @ wrist
     return AnglesOfMano(angles, root @ turn.T, translation, lost)
-
-
-def to_mano_joints(joints: ArrayLike) -> Array:
-    """Joints (..., 21, 3) from our order into MANO's, its 16 and then the tips, thumb first."""
-    return np.asarray(joints)[..., np.argsort(ORDERS["mano"]), :]
-
-
-def from_mano_joints(joints: ArrayLike) -> Array:
-    """Joints (..., 21, 3) from MANO's order, its 16 and then the tips, into ours."""
-    return np.asarray(joints)[..., list(ORDERS["mano"]), :]
 
 
 def nearest_angles(model: HandModel, local: Array) -> Array:

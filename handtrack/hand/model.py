@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from handtrack.errors import ModelError
 from handtrack.hand.axes import palm_length
 from handtrack.hand.limits import DEFAULT_LIMITS, Limits, preset
+from handtrack.hand.rotations import moved
 from handtrack.hand.skeleton import (
     ARRIVING,
     HANDS,
@@ -33,8 +34,6 @@ Array = NDArray[np.float64]
 
 # the fingers of a hand at rest are slightly bent
 _RELAXED = np.deg2rad([0, 0, 15, 10] + [20, 0, 25, 15] * 4)
-
-
 _PART_PARENTS = np.array([0] + [0 if i == 0 else 3 * f + i for f in range(5) for i in range(3)])
 
 
@@ -290,7 +289,7 @@ class HandModel:
         Returns:
             (..., 21, 3) [m], world frame.
         """
-        return _place(self._placed(angles).joints, rotation, translation)
+        return moved(self._placed(angles).joints, rotation, translation)
 
     @property
     def has_landmarks(self) -> bool:
@@ -307,7 +306,7 @@ class HandModel:
         placed = self._placed(angles)
         turn = placed.parts[..., ARRIVING, :, :]
         points = placed.joints + (turn @ self.landmark_offsets[:, :, None])[..., 0]
-        return _place(points, rotation, translation)
+        return moved(points, rotation, translation)
 
     def landmarks_from_joints(self, angles: ArrayLike, rotation: ArrayLike) -> Array:
         """(..., 21, 3) from each joint of poses to its landmark, in the world [m]; as `joints`."""
@@ -336,11 +335,8 @@ class HandModel:
         local = None if self.pose_blend is None else self.local_rotations(rotations)
         offsets = positions - np.einsum("...pij,pj->...pi", rotations, self.rest_joints[PART_JOINT])
         if rotation is not None:
-            rotation = np.asarray(rotation, dtype=np.float64)
-            rotations = rotation[..., None, :, :] @ rotations
-            offsets = np.einsum("...ij,...pj->...pi", rotation, offsets)
-        translation = np.asarray(translation, dtype=np.float64)
-        offsets = offsets + (translation[..., None, :] if translation.ndim else translation)
+            rotations = np.asarray(rotation, dtype=np.float64)[..., None, :, :] @ rotations
+        offsets = moved(offsets, rotation, translation)
         lead = np.broadcast_shapes(rotations.shape[:-3], offsets.shape[:-2])
         rotations = np.broadcast_to(rotations, (*lead, N_PARTS, 3, 3))
         offsets = np.broadcast_to(offsets, (*lead, N_PARTS, 3))
@@ -351,13 +347,3 @@ class HandModel:
     @cached_property
     def _skinning(self) -> Skinning:
         return Skinning(self.rest_vertices, self.weights, self.pose_blend)
-
-
-def _place(points: Array, rotation: ArrayLike | None, translation: ArrayLike) -> Array:
-    translation = np.asarray(translation, dtype=np.float64)
-    if rotation is not None:
-        rotation = np.asarray(rotation, dtype=np.float64)
-        points = np.einsum("...ij,...kj->...ki", rotation, points)
-    return np.asarray(
-        points + translation[..., None, :] if translation.ndim else points + translation
-    )

@@ -69,3 +69,14 @@ def matrix_to_vector(matrix: ArrayLike) -> Array:
     s = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     angle = 2.0 * np.arctan2(s, q[..., :1])
     return np.asarray(q[..., 1:] * np.where(s > 0, angle / np.where(s > 0, s, 1.0), 2.0))
+
+
+def moved(points: Array, rotation: ArrayLike | None, translation: ArrayLike) -> Array:
+    """Points (..., n, 3) turned by (..., 3, 3), None: not, and shifted by (..., 3) or a number."""
+    translation = np.asarray(translation, dtype=np.float64)
+    if rotation is not None:
+        rotation = np.asarray(rotation, dtype=np.float64)
+        points = np.einsum("...ij,...kj->...ki", rotation, points)
+    return np.asarray(
+        points + translation[..., None, :] if translation.ndim else points + translation
+    )

@@ -13,7 +13,6 @@ import numpy as np
 from handtrack.kernels.compiled import inline
 
 Vec: TypeAlias = tuple[float, float, float]
-Mat: TypeAlias = tuple[Vec, Vec, Vec]
 
 
 ZERO = (0.0, 0.0, 0.0)

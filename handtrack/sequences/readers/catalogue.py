@@ -102,14 +102,3 @@ def ways(of: str) -> tuple[Way, ...]:
 def kinds() -> Mapping[str, Read]:
     """Readers of a file's content by the name of their format."""
     return dict(sorted(item for f in formats() for item in f.kinds.items()))
-
-
-def as_markdown() -> str:
-    """The formats as a table of a document."""
-    titles = ("source", "file", "joint order", "unit", "hands", "needs", "recognised by")
-    rows = [
-        (f.name, f.reads, f.order, f.unit, f.hands, f.needs or "nothing", f.known_by)
-        for f in formats()
-    ]
-    lines = [titles, tuple("---" for _ in titles), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
