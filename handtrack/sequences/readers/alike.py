@@ -297,16 +297,16 @@ def _confidence(values: Array, hand: _Hand) -> Array | None:
 def forms_of(text: bytes) -> Forms | None:
     """The records of a JSON list, by their forms; None where they are few, of many forms, or no
     well-formed list."""
+    forms = Forms()
+    return forms if append_list(forms, text) and len(forms) >= FEWEST else None
+
+
+def append_list(forms: Forms, text: bytes) -> bool:
+    """Add the records of a JSON list, if it is one and they have few forms."""
     try:
         raws = msgspec.json.decode(without_nan(text), type=list[msgspec.Raw])
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-        return None
-    if len(raws) < FEWEST:
-        return None
-    forms = Forms()
-    try:
         for start in range(0, len(raws), 4096):
             forms.append([bytes(raw) for raw in raws[start : start + 4096]])
-    except NotAlikeError:
-        return None
-    return forms
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError, NotAlikeError):
+        return False
+    return True

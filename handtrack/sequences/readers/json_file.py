@@ -87,7 +87,7 @@ def read_lines(data: bytes, path: Path) -> list[Raw]:
     places = Places("line", [n for n, _ in lines])
     if len(lines) >= FEWEST:
         forms = forms_of(b"[" + b",".join(line for _, line in lines) + b"]")
-        quick = None if forms is None or len(forms) != len(lines) else _alike(forms, places, path)
+        quick = None if forms is None or len(forms) != len(lines) else alike(forms, places, path)
         if quick is not None:
             return quick
     try:  # all at once is faster, but cannot say which line is wrong
@@ -118,7 +118,7 @@ def _of_source(values: list[Any], places: Items[str], path: Path) -> list[Raw] |
     return None
 
 
-def _alike(
+def alike(
     forms: Forms, places: Items[str], path: Path, about: dict[str, Any] | None = None
 ) -> list[Raw] | None:
     """The hands of records of few forms that `read_records` would read; None of others."""
@@ -150,7 +150,7 @@ def _list_of_alike(data: bytes, path: Path) -> list[Raw] | None:
             about = _with_what_it_says(in_small_letters(about))
         if forms is None:
             return None
-        return _alike(forms, Places("frame", range(len(forms))), path, about)
+        return alike(forms, Places("frame", range(len(forms))), path, about)
     except (InputError, msgspec.MsgspecError):
         return None
 

@@ -11,7 +11,13 @@ import msgspec
 from handtrack.errors import InputError, SettingsError, shown
 from handtrack.files import budget
 from handtrack.files.collecting import no_collecting
-from handtrack.sequences.readers import freemocap, freihand, panoptic_tar, text_table
+from handtrack.sequences.readers import (
+    freemocap,
+    freihand,
+    long_text,
+    panoptic_tar,
+    text_table,
+)
 from handtrack.sequences.readers.catalogue import kinds, ways
 from handtrack.sequences.readers.json_file import from_value, is_lines, read_json, read_lines
 from handtrack.sequences.readers.jsontext import as_utf8, decode, one_after_another
@@ -55,8 +61,21 @@ def read_file(
             # its members are read one by one, not the file as a whole
             budget.check(path.stat().st_size, path)
             return freemocap.with_unit(read_npz(path, path), path)
+        found = _read_long(path, head) if kind is None else None
+        if found is not None:
+            return found
         data = budget.rest(stream, path, head)
     return read_bytes(data, path, kind)
+
+
+def _read_long(path: Path, head: bytes) -> list[Raw] | None:
+    """The sequences of a large table or of large JSON lines; None of anything else."""
+    text = head.lstrip(_BLANK)
+    if not path.is_file() or path.stat().st_size <= long_text.LARGE or b"\0" in head:
+        return None
+    if any(way.mine(text, path) for way in (*ways("bytes"), *ways("text"))):
+        return None
+    return long_text.read_long_text(path, read_bytes)
 
 
 def read_bytes(data: bytes, path: Path, kind: str | None = None) -> list[Raw]:

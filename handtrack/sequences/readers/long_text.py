@@ -1,0 +1,206 @@
+"""Text files of gigabytes, some megabytes at a time: of the text no more is in memory than that.
+
+Tables and JSON lines say in each block the same as in the whole, where their titles, hands and
+forms are the same throughout. Whatever differs from block to block, or cannot be read, is read as
+a whole file is, which also says what is wrong and where.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from handtrack.errors import InputError
+from handtrack.files import budget
+from handtrack.files.long_arrays import Growing, release
+from handtrack.sequences.clock import Stamps
+from handtrack.sequences.readers.alike import append_list
+from handtrack.sequences.readers.json_file import alike, is_lines
+from handtrack.sequences.readers.number_text import Forms, NotAlikeError
+from handtrack.sequences.readers.raw import Raw
+from handtrack.sequences.readers.record_places import Places
+from handtrack.sequences.readers.table_cells import read_cells
+from handtrack.sequences.titles import is_frame_number
+
+LARGE = 64 * budget.MB
+"""Smaller files are read at once."""
+_BLOCK = 8 * budget.MB
+_MARK = b"\xef\xbb\xbf"
+_WIDE = 60
+"""A line of so many cells is a frame."""
+
+
+class _DiffersError(Exception):
+    """A block is not as those before."""
+
+
+def read_long_text(path: Path, read: Callable[[bytes, Path], list[Raw]]) -> list[Raw] | None:
+    """The sequences of a large text file.
+
+    Args:
+        path: the file.
+        read: reads a whole file's bytes.
+
+    Returns:
+        None where it must be read as a whole.
+
+    Raises:
+        InputError: it is larger than is allowed.
+    """
+    budget.check(path.stat().st_size, path)
+    with budget.opened(path) as file:
+        first = next(_lines_of(file), b"")
+        file.seek(0)
+        try:
+            if first.removeprefix(_MARK).lstrip()[:1] in (b"{", b"["):
+                return _of_json(file, path) if is_lines(first) else None
+            return _of_table(file, first, path, read)
+        except (InputError, NotAlikeError, _DiffersError):
+            return None
+
+
+def _lines_of(file: IO[bytes]) -> Iterator[bytes]:
+    """Blocks of whole lines."""
+    rest = b""
+    while piece := file.read(_BLOCK):
+        end = piece.rfind(b"\n") + 1
+        if end:
+            yield rest + piece[:end]
+            rest = piece[end:]
+        else:
+            rest += piece
+        release()
+    if rest:
+        yield rest
+
+
+def _of_json(file: IO[bytes], path: Path) -> list[Raw] | None:
+    forms, numbers = Forms(), Growing((), np.int64)
+    line = 0
+    for block in _lines_of(file):
+        there = block.split(b"\n")
+        full = [i for i, text in enumerate(there) if text.strip()]
+        numbers.append(np.array(full, np.int64) + (line + 1))
+        text = b",".join(there[i].removeprefix(_MARK) for i in full)
+        if not append_list(forms, b"[" + text + b"]") or len(forms) != len(numbers):
+            return None
+        line += len(there) - 1
+    return alike(forms, Places("line", numbers.whole().tolist()), path)
+
+
+def _of_table(
+    file: IO[bytes], first: bytes, path: Path, read: Callable[[bytes, Path], list[Raw]]
+) -> list[Raw] | None:
+    table = read_cells(first, path)
+    if b'"' in first or b"#" in first or not table.lines:
+        return None
+    header = b"".join(first.splitlines(keepends=True)[: table.places[0] - 1])
+    column = None
+    if table.width < _WIDE:
+        column = next((c for c, t in enumerate(table.titles or ()) if is_frame_number(t)), None)
+        if column is None or table.separator is None:
+            return None
+    kept: list[_Hand] = []
+    rest, skip = b"", len(header)
+    for block in _lines_of(file):
+        body, rest = _cut(rest + block[skip:], column, (table.separator or " ").encode())
+        skip = 0
+        if not body:
+            continue
+        if b'"' in body:
+            raise _DiffersError
+        _join(kept, read(header + body, path))
+    if rest:
+        _join(kept, read(header + rest, path))
+    return [hand.whole() for hand in kept]
+
+
+def _cut(text: bytes, column: int | None, separator: bytes) -> tuple[bytes, bytes]:
+    """Whole frames, and the lines of one that may go on."""
+    if column is None:
+        return text, b""
+
+    def frame(line: bytes) -> bytes:
+        cells = line.split(separator, column + 1)
+        return cells[column] if len(cells) > column else b""
+
+    end = len(text)
+    last: bytes | None = None
+    while end > 0:
+        begin = text.rfind(b"\n", 0, end - 1) + 1
+        here = frame(text[begin:end])
+        if last is not None and here != last:
+            return text[:end], text[end:]
+        last, end = here, begin
+    return b"", text
+
+
+class _Hand:
+    """One hand, block by block."""
+
+    def __init__(self, raw: Raw) -> None:
+        self.raw = raw
+        self.joints = Growing(raw.joints.shape[1:])
+        self.sure = None if raw.confidence is None else Growing(raw.confidence.shape[1:])
+        self.index = None if raw.frame_index is None else Growing((), np.int64)
+        self.last = -1
+        self.times: list[Stamps] = []
+
+    def append(self, raw: Raw) -> None:
+        """More of it.
+
+        Raises:
+            _DiffersError: it is not alike.
+        """
+        same = all(
+            getattr(raw, name) == getattr(self.raw, name)
+            for name in ("name", "hand", "unit", "order", "fps", "subject", "picture", "by_number")
+        )
+        same &= (raw.confidence is None, raw.frame_index is None, raw.stamps is None) == (
+            self.sure is None,
+            self.index is None,
+            self.raw.stamps is None,
+        )
+        odd = raw.pending, raw.mano, raw.truth, raw.time_ns
+        if not same or odd != (None,) * 4 or raw.joints.shape[1:] != self.joints.shape:
+            raise _DiffersError
+        self.joints.append(raw.joints)
+        if self.sure is not None and raw.confidence is not None:
+            self.sure.append(raw.confidence)
+        if self.index is not None and raw.frame_index is not None:
+            if self.last >= 0 and raw.frame_index[0] != self.last + 1:
+                raise _DiffersError  # frames between, or a clip that begins again
+            self.index.append(raw.frame_index)
+            self.last = int(raw.frame_index[-1])
+        if raw.stamps is not None:
+            values = raw.stamps.values
+            known = self.times[0].values if self.times else values
+            if getattr(values, "dtype", list) != getattr(known, "dtype", list):
+                raise _DiffersError
+            self.times.append(replace(raw.stamps, places=None))
+
+    def whole(self) -> Raw:
+        """All of it."""
+        raw = replace(self.raw, joints=self.joints.whole())
+        raw.confidence = None if self.sure is None else self.sure.whole()
+        raw.frame_index = None if self.index is None else np.array(self.index.whole())
+        if self.times:
+            parts = [t.values for t in self.times]
+            values: Any = [v for part in parts for v in part]
+            if isinstance(parts[0], np.ndarray):
+                values = np.concatenate(parts)
+            raw.stamps = replace(self.times[0], values=values)
+        return raw
+
+
+def _join(kept: list[_Hand], raws: list[Raw]) -> None:
+    if not kept:
+        kept += map(_Hand, raws)
+    if len(raws) != len(kept):
+        raise _DiffersError
+    for hand, raw in zip(kept, raws, strict=True):
+        hand.append(raw)
