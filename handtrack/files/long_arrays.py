@@ -108,8 +108,12 @@ class Growing:
             self._parts.append(rows)
             if self._size * self._share <= MOST:
                 return
-            rows, self._parts = np.concatenate(self._parts), []
-        self._write(rows)
+            parts, self._parts = self._parts, []
+        else:
+            parts = [rows]
+        for part in parts:
+            for some in blocks(len(part)):
+                self._write(part[some])
 
     def _write(self, rows: NDArray[Any]) -> None:
         try:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.files.long_arrays import Growing, GrowingTexts
 from handtrack.hand.mano_pose import to_mano
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import quaternion_to_matrix
@@ -286,8 +287,11 @@ class StateDecoder:
         self._clear()
 
     def _clear(self) -> None:
-        names = (*(of.name for of in ARRAYS), *SCALARS)
-        self._blocks: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
+        self._made: dict[str, Growing | GrowingTexts] = {
+            of.name: Growing(of.shape, bool if of.name in MARKS else np.float64) for of in ARRAYS
+        }
+        for name, kind in SCALARS.items():
+            self._made[name] = GrowingTexts() if kind is np.str_ else Growing((), kind)
 
     def add(self, data: bytes) -> None:
         """The next message.
@@ -307,15 +311,7 @@ class StateDecoder:
             ValueError: an array is not as long as it should be, or only some frames have a truth.
         """
         self._decode()
-        arrays: dict[str, Any] = {
-            of.name: np.concatenate(self._blocks[of.name] or [np.empty((0, *of.shape))])
-            for of in ARRAYS
-        }
-        arrays |= {
-            name: np.concatenate(self._blocks[name] or [np.empty(0, dtype)])
-            for name, dtype in SCALARS.items()
-        }
-        arrays |= {name: arrays[name].astype(bool) for name in MARKS}
+        arrays: dict[str, Any] = {name: made.whole() for name, made in self._made.items()}
         if not has_truth:
             arrays["truth"] = None
         elif len(arrays["truth"]) != len(arrays["time_ns"]):
@@ -333,10 +329,16 @@ class StateDecoder:
             if of.since > 1 and not any(parts):
                 # an older file
                 parts = [np.full(of.size, of.before).tobytes()] * len(states)
-            self._blocks[of.name].append(_rows(of, parts))
-        for name, dtype in SCALARS.items():
-            values = [getattr(state, _IN_FILES.get(name, name)) for state in states]
-            self._blocks[name].append(np.array(values, dtype))
+            self._append(of.name, _rows(of, parts))
+        for name in SCALARS:
+            self._append(name, [getattr(state, _IN_FILES.get(name, name)) for state in states])
+
+    def _append(self, name: str, values: Any) -> None:
+        made = self._made[name]
+        if isinstance(made, GrowingTexts):
+            made.append(values)
+        else:
+            made.append(np.asarray(values, made.dtype))
 
 
 def _rows(of: ArrayField, parts: Sequence[bytes]) -> Array:

@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import shown
+from handtrack.files.long_arrays import ROWS, blocks
 from handtrack.hand.skeleton import Hand
 from handtrack.mcap.hand import Head
+from handtrack.mcap.state import States
 from handtrack.tracking.track import STATUSES, Part
 
 SUMMARY = "handtrack.summary"
@@ -129,12 +131,8 @@ class HandSummary:
             self._events[event.level] = self._events.get(event.level, 0) + 1
         if not len(part):
             return
-        for status in STATUSES:
-            self._counts[status] += int((part.status == status).sum())
-        shown = part.landmarks_of(self._head.model)
-        self._errors["observed"].add(_frame_errors(shown, part.observed))
-        if part.truth is not None:
-            self._errors["truth"].add(_frame_errors(part.fitted_joints, part.truth))
+        for frames in blocks(len(part)):
+            self._count(part if len(part) <= ROWS else _some(part, frames))
         times = part.time_ns
         if self._first is None:
             self._first = int(times[0])
@@ -143,6 +141,14 @@ class HandSummary:
         self._last = int(times[-1])
         # modulo 2^64, so right for every pair of int64
         self._intervals.add(np.diff(times.astype(np.uint64)).astype(np.float64))
+
+    def _count(self, part: States) -> None:
+        for status in STATUSES:
+            self._counts[status] += int((part.status == status).sum())
+        shown = part.landmarks_of(self._head.model)
+        self._errors["observed"].add(_frame_errors(shown, part.observed))
+        if part.truth is not None:
+            self._errors["truth"].add(_frame_errors(part.fitted_joints, part.truth))
 
     def values(self) -> dict[str, Any]:
         """Plain values for JSON: counts, times [ns], rate [1/s], errors [mm]."""
@@ -160,6 +166,12 @@ class HandSummary:
             "fps": None if not interval else 1e9 / interval,
             "error_mm": {name: _millimetres(s) for name, s in self._errors.items() if s.count},
         }
+
+
+def _some(part: Part, frames: slice) -> States:
+    arrays = part.arrays()
+    cut: dict[str, Any] = {n: None if a is None else a[frames] for n, a in arrays.items()}
+    return States(**cut)
 
 
 def _frame_errors(fitted: NDArray[np.float64], joints: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from handtrack import __version__
 from handtrack.errors import SettingsError
+from handtrack.files.long_arrays import blocks
 from handtrack.files.whole import whole_file
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.mcap import foxglove
@@ -299,8 +300,8 @@ class HandWriter:
             yield Frames(np.array(times, np.uint64), np.array(numbers, np.uint64), columns)
 
     def _states(self, part: Part, first: int) -> Iterator[Frames]:
-        for start in range(0, len(part), BATCH):
-            frames = slice(start, start + BATCH)
+        for frames in blocks(len(part), BATCH):
+            start = frames.start
             # modulo 2^64, so right for every pair of int64
             times = part.time_ns[frames].astype(np.uint64) - np.uint64(self._offset % 2**64)
             columns = {

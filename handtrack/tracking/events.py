@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from handtrack.files.long_arrays import blocks
 from handtrack.hand.skeleton import N_JOINTS
 from handtrack.mcap.hand import Event
 from handtrack.sequences.sequence import Remark
@@ -86,11 +87,14 @@ def log_lines(track: Part, before: tuple[str, str] = ("fitted", "")) -> list[Eve
     """
     lines = list(track.events)
     told = {line.time_ns for line in lines}
-    states = zip(track.status.tolist(), track.reason.tolist(), strict=True)
-    for frame, time, now in zip(
-        track.frame_index.tolist(), track.time_ns.tolist(), states, strict=True
-    ):
-        status, reason = now
+    columns = (track.frame_index, track.time_ns, track.status, track.reason)
+    rows = (
+        row
+        for part in blocks(len(track))
+        for row in zip(*(column[part].tolist() for column in columns), strict=True)
+    )
+    for frame, time, status, reason in rows:
+        now = (status, reason)
         # a reason that only its numbers tell from the last one is no news, nor is none any more
         new_reason = bool(reason) and _words(reason) != _words(before[1])
         if (status != before[0] or new_reason) and time not in told:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -230,10 +230,19 @@ def track_of(stretches: Sequence[Stretch], skin: Skin | None = None) -> Track:
         stretches: they.
         skin: as in `Track`.
     """
+    if len(stretches) == 1:
+        (only,) = stretches
+        return _track(only.head, only.events, skin, only.arrays())
     made = LongTrack()
     for stretch in stretches:
         made.append(stretch)
     return made.track(skin)
+
+
+def _track(
+    head: Head, events: Iterable[Event], skin: Skin | None, arrays: Mapping[str, Any]
+) -> Track:
+    return Track(**head.about(), events=tuple(events), skin=skin, **arrays)
 
 
 class LongTrack:
@@ -269,15 +278,8 @@ class LongTrack:
         head = self._head
         if head is None:
             raise InputError("a track needs frames")
-        arrays: dict[str, Any] = {
-            n: None if kept is None else kept.whole() for n, kept in self._arrays.items()
-        }
-        return Track(
-            **head.about(),
-            events=tuple(self._events),
-            skin=skin,
-            **arrays,
-        )
+        arrays = {n: None if kept is None else kept.whole() for n, kept in self._arrays.items()}
+        return _track(head, self._events, skin, arrays)
 
 
 def mean_and_max(distance: Array) -> tuple[Array, Array]:

@@ -17,6 +17,7 @@ from handtrack.errors import HandtrackError, InputError, SettingsError
 from handtrack.hand.limits import Limits
 from handtrack.hand.model import HandModel
 from handtrack.recording import write as mcap_write
+from handtrack.recording.info import info
 from handtrack.recording.read import read_mcap
 from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import STATUSES, Event, Track
@@ -187,3 +188,15 @@ def test_the_end_of_a_track_is_a_track(tmp_path: Path) -> None:
     write_mcap(first_frames(track, 12), tmp_path / "part.mcap")
     whole, part = read_mcap(tmp_path / "whole.mcap")[0], read_mcap(tmp_path / "part.mcap")[0]
     assert differences(first_frames(whole, 12), part) == []
+
+
+def test_a_long_recording_is_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tracks = [make_track(400), make_track(300, "left", name="b", truth=False)]
+    monkeypatch.setattr("handtrack.files.long_arrays.MOST", 0)
+    monkeypatch.setattr("handtrack.recording.summary.ROWS", 100)
+    path = write_mcap(tracks, tmp_path / "a.mcap", mesh="none")
+    read = read_mcap(path)
+    assert [differences(a, b) for a, b in zip(tracks, read, strict=True)] == [[], []]
+    counted = [h["frames"] for h in info(path)["hands"].values()]
+    assert counted == [400, 300]
+    assert not any(track.observed.flags.owndata for track in read)
