@@ -10,14 +10,17 @@ import click
 
 from handtrack.cli.inputs import Reading
 from handtrack.cli.models import Models
+from handtrack.cli.one_camera import say_what_it_knows
 from handtrack.cli.sources import Item
 from handtrack.errors import InputError, SettingsError
 
 if TYPE_CHECKING:
-    from handtrack import Camera, HandModel
+    from handtrack import Camera
     from handtrack.sequences.picture_landmarks import PictureLandmarks
+    from handtrack.tracking.settings import TrackSettings
     from handtrack.video.following import Followed
     from handtrack.video.landmark_files import Found
+    from handtrack.video.one_camera import SeenHand
     from handtrack.video.views import Views
 
 
@@ -40,6 +43,13 @@ class Lens:
     size: tuple[int, int] | None
     fov_deg: float | None
     board_unit: str | None = None
+
+    @property
+    def focal(self) -> str:
+        """Where the focal length of one camera is from; "" where it is calibrated."""
+        if self.file is not None:
+            return ""
+        return "assumed" if self.fov_deg is None else "as --fov says"
 
     @property
     def given(self) -> bool:
@@ -96,9 +106,8 @@ def from_cameras(
     inputs: tuple[Path, ...],
     reading: Reading,
     models: Models,
-    calibrate: bool | str,
+    settings: TrackSettings,
     quiet: bool,
-    detector: str,
 ) -> tuple[Item, float]:
     """Hands followed in the pictures of cameras.
 
@@ -134,13 +143,13 @@ def from_cameras(
             views = _told(views, found, reading)
             if len(used) > 1:
                 _check_size(views, lens)
-            model = _hand(views, models, calibrate, detector, stored)
-            followed = follow(views, model)
+            hand = _hand(views, models, settings, stored)
+            followed = follow(views, hand.model, hand.shown, settings)
             # what follows are joint centres
-            models.keep(without_landmarks(model))
+            models.keep(without_landmarks(hand.fitted))
             hands.append(views)
             sequences.append(followed.sequence)
-            noise.append(followed.noise_mm)
+            noise.append(max(followed.noise_mm, hand.noise_mm))
             pixels = followed.reprojection[np.isfinite(followed.reprojection)]
             values = (pixels.mean(), pixels.std(), *np.percentile(pixels, [50, 95]), pixels.max())
             kinds = ("mean", "std", "median", "p95", "max")
@@ -148,13 +157,15 @@ def from_cameras(
             about: dict[str, Any] = {"views": len(used), "reprojection_px": error}
             if stored:
                 about["from"] = "landmarks in pictures"
+            if len(used) == 1:
+                about["depth_deviation"] = round(hand.size_deviation, 3)
             if lens.file is None:
                 about["lens"] = "assumed" if lens.fov_deg is None else f"{lens.fov_deg:g} degrees"
             told[views.name, views.hand] = {"cameras": about}
             if not quiet:
                 _say(followed, views, error["median"])
                 if len(used) == 1:
-                    _say_what_it_knows(followed, lens, model, models, stored)
+                    say_what_it_knows(followed, hand, models.file is not None, lens.focal)
     if not sequences:
         raise InputError(f"there is no {reading.hand} hand", inputs[0])
     pictures = None
@@ -214,6 +225,7 @@ def _people(
     """
     from handtrack.files.pictures import pictures_in
     from handtrack.video.landmark_files import Found, found_in
+    from handtrack.video.saved import saved_detections
 
     seen: list[list[Found]] = []
     stored = False
@@ -222,6 +234,10 @@ def _people(
             if lens.size is not None:
                 raise SettingsError(f"{path}: pictures have a size: leave --image-size out")
             seen.append([Found(reading._replace(unit=None).detect(path, quiet), ())])
+            continue
+        saved = saved_detections(path, reading.frame_range)
+        if saved is not None:
+            seen.append([Found(saved, ())])
             continue
         stored = True
         size = lens.size if cameras is None else cameras[i].size
@@ -262,25 +278,17 @@ def _check_size(views: Views, lens: Lens) -> None:
         raise InputError(absurd(palm, said, advice), lens.file)
 
 
-def _hand(
-    views: Views, models: Models, calibrate: bool | str, detector: str, stored: bool
-) -> HandModel:
+def _hand(views: Views, models: Models, settings: TrackSettings, stored: bool) -> SeenHand:
     """The hand that is fitted: calibrated where the cameras see how large it is."""
-    import handtrack as ht
     from handtrack.detectors.chosen import seen_by
+    from handtrack.video.one_camera import SeenHand, believed_size, hand_seen
 
+    detector, is_own = settings.detector, models.file is not None
     if stored and len(views.cameras) == 1:
-        return seen_by(models.of(views.hand), detector, views.seen_by)[0]
-    points = views.sequence()
-    model, method = models.subject(points, calibrate)
-    model, profile = seen_by(model, detector, points.detector)
-    if method == "none":
-        return model
-    methods: dict[Any, str] = {True: "auto", False: "scale"}
-    noise_of = None if profile is None else profile.noise
-    return ht.calibrate(
-        model, points.corrected(profile), methods.get(method, method), noise=noise_of
-    ).model
+        model = seen_by(models.of(views.hand), detector, views.seen_by)[0]
+        return SeenHand(model, None, 0.0 if is_own else believed_size(1.0, None).deviation)
+    model, method = models.subject(views.sequence(), settings.calibration.method)
+    return hand_seen(views, model, method, detector, is_own)
 
 
 def _say(followed: Followed, views: Views, median_px: float) -> None:
@@ -292,40 +300,5 @@ def _say(followed: Followed, views: Views, median_px: float) -> None:
     click.echo(
         f"{name}: {views.hand} hand in {count} view{'s' if count > 1 else ''}, reprojection error"
         f" {median_px:.2f} px (median)",
-        err=True,
-    )
-
-
-def _say_what_it_knows(
-    followed: Followed, lens: Lens, model: HandModel, models: Models, stored: bool
-) -> None:
-    """What one camera determines, and what it does not."""
-    import numpy as np
-
-    from handtrack.hand.skeleton import BASES
-    from handtrack.sequences.size import palm_length
-
-    joints = followed.sequence.joints
-    depth = float(np.nanmedian(joints[:, [0, *BASES], 2]))
-    palm = palm_length(model.joints(model.mean_angles)[None])
-    click.echo(
-        f"{followed.sequence.name}: one camera determines where each joint is in the picture, and"
-        " by that the hand's direction, its turn and how far fingers are bent in the picture's"
-        " plane",
-        err=True,
-    )
-    size = "its size is the file's" if models.file is not None else "its size is assumed"
-    if not stored:
-        size = "its size is the detector's guess"
-    cure = "" if models.file is not None else " (--hand-model FILE says it)"
-    focal = ""
-    if lens.file is None:
-        what = "assumed" if lens.fov_deg is None else "as --fov says"
-        focal = f" and the focal length, {what}: a lens 10 % longer puts it 10 % farther away"
-    click.echo(
-        f"{followed.sequence.name}: it does not determine depth (median {depth:.2f} m), which"
-        f" follows from the hand's size, a palm of {1e3 * palm:.0f} mm, {size}{cure}: a hand 10 %"
-        f" larger is 10 % farther away{',' + focal if focal else ''}; and hardly how fingers bend"
-        " towards the camera",
         err=True,
     )

@@ -90,8 +90,7 @@ def track(
     lens, times = Lens(camera, image_size, fov, board_unit), Times()
     if lens.given:
         with times.during("detecting and following"), compiling_said(silent):
-            method = settings.calibration.method
-            views = from_cameras(lens, inputs, reading, models, method, silent, settings.detector)
+            views = from_cameras(lens, inputs, reading, models, settings, silent)
         given, noise = Given([views[0]]), views[1]
         settings = settings.but(calibrate="none")
         if settings.fit.noise_mm is None:
@@ -99,6 +98,8 @@ def track(
     else:
         with times.during("reading"):
             given = items_of(inputs, reading, silent)
+        if not silent:
+            _say_what_could_be(given)
     if overlay is not None:
         check_overlay(overlay, _drawn_over(given, inputs))
     elif overlay_skin is not None:
@@ -127,6 +128,18 @@ def track(
     _say(made, given, len(work), doing, as_json)
     show.wait(silent)
     return 1 if any(skip.bad for skip in made.skipped) else 0
+
+
+def _say_what_could_be(given: Given) -> None:
+    """Poses of a video are nearer to the truth with its picture, which needs a lens."""
+    from handtrack.files.pictures import pictures_in
+
+    if any(pictures_in(item.source) == "video" for item in given.items):
+        click.echo(
+            "the joints are fitted, not the picture: --fov DEGREES (or --camera) fits both, nearer"
+            " to the truth",
+            err=True,
+        )
 
 
 def _drawn_over(given: Given, inputs: tuple[Path, ...]) -> list[Path]:

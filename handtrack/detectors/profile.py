@@ -49,6 +49,7 @@ class Noise:
         outliers: share of landmarks beyond four deviations of the rest.
         scale: deviation of the logarithm of the hand's size from frame to frame in a sequence.
         scale_fades_s: as `fades_s`, of the size [s].
+        size: deviation of the logarithm of the hand's size from one sequence to another.
     """
 
     constant: Array
@@ -61,6 +62,7 @@ class Noise:
     outliers: float = 0.0
     scale: float = 0.0
     scale_fades_s: float = 0.5
+    size: float = 0.0
 
     def __post_init__(self) -> None:
         for name, shape in {
@@ -74,6 +76,7 @@ class Noise:
             "outliers": (),
             "scale": (),
             "scale_fades_s": (),
+            "size": (),
         }.items():
             value = np.array(getattr(self, name), dtype=np.float64)
             if value.shape != shape:
@@ -151,6 +154,8 @@ _WRONG = "is no detector profile"
 _MM = 1e3
 _ROWS = {"constant_mm": "constant", "fading_mm": "fading", "white_mm": "white", "bone": "bone"}
 _NUMBERS = ("fades_s", "view", "finger", "outliers", "scale", "scale_fades_s")
+# profiles that were written before it had a name do not tell it
+_SIZE = "size"
 # numbers are written to so many digits
 _DIGITS = 4
 _LIST = re.compile(r"\[[^\[\]{}\"]*\]")
@@ -204,7 +209,7 @@ def save_profile(profile: Profile, path: str | Path) -> Path:
         "units": "offsets: palm lengths, along the bone, towards the thumb's side, out of the back",
         "offsets": _named(profile.offsets),
         "noise": {name: _named(values) for name, values in rows.items()}
-        | {name: round(getattr(noise, name), _DIGITS) for name in _NUMBERS},
+        | {name: round(getattr(noise, name), _DIGITS) for name in (*_NUMBERS, _SIZE)},
         "evidence": dict(profile.evidence),
     }
     if profile.correction is not None:
@@ -267,6 +272,7 @@ def _parsed(content: Any, path: Path) -> Profile:
     }
     told: dict[str, Any] = dict(rows)
     told |= {name: _number(said.get(name), f"noise.{name}", path) for name in _NUMBERS}
+    told[_SIZE] = _number(said.get(_SIZE, 0.0), f"noise.{_SIZE}", path)
     offsets = _rows(content.get("offsets"), "offsets", path)
     evidence = _object(content.get("evidence", {}), "evidence", path)
     try:

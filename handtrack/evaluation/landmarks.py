@@ -83,6 +83,7 @@ def noise_of(clips: list[Errors], one_camera: bool) -> Noise:
         float(stray.mean()),
         float(scales.std()) if one_camera else 0.0,
         _scale_fades(clips) if one_camera else 0.5,
+        float(np.sqrt(np.mean([c.log_scale.mean() ** 2 for c in clips]))) if one_camera else 0.0,
     )
 
 
@@ -159,7 +160,6 @@ def _scale_fades(clips: list[Errors]) -> float:
 
 LEAST_FRAMES = 50
 """Frames with all joints that a profile is estimated from, at least."""
-_ROUNDS = 6
 # joints in one world are nearer than this to the truth, in the mean of a frame [palm lengths]
 _SAME_WORLD = 1.0
 # a truth that rigid bones leave so much of is no hand's [m]
@@ -250,37 +250,59 @@ def in_one_world(seen: Seen) -> bool:
     return float(np.median(apart)) < _SAME_WORLD * seen.size
 
 
-def aligned(seen: Seen, offsets: Array, input: str) -> Array:
+def aligned(seen: Seen, offsets: Array, input: str, usual: float = 0.0) -> Array:
     """(T, 21, 3) the detections brought onto where offsets expect them.
 
     One camera's by each frame's own similarity; in space as they are where truth and detections
     are in one world, else rigidly.
+
+    Args:
+        usual: of one camera, `log_size` that a frame of usual size has.
     """
     if input == IN_SPACE and in_one_world(seen):
         return seen.joints
-    scale, turn, shift = procrustes(seen.joints, seen.landmarks(offsets), scale=input == ONE_CAMERA)
-    moved = np.einsum("tij,tnj->tni", turn, seen.joints)
-    return np.asarray(scale[:, None, None] * moved + shift[:, None])
+    expected = seen.landmarks(offsets)
+    scale = np.ones(len(expected))
+    if input == ONE_CAMERA:
+        scale = np.exp(usual - log_size(seen, offsets))
+    _, turn, _ = procrustes(seen.joints, expected, scale=False)
+    middle = seen.joints.mean(1, keepdims=True)
+    moved = np.einsum("tij,tnj->tni", turn, seen.joints - middle)
+    return np.asarray(scale[:, None, None] * moved + expected.mean(1, keepdims=True))
+
+
+def log_size(seen: Seen, offsets: Array) -> Array:
+    """(T,) logarithm of the detected hand's size over the one that offsets expect.
+
+    By both hands' extent: a similarity that is fitted shrinks what does not match.
+    """
+    extents = [
+        np.sqrt(np.square(x - x.mean(1, keepdims=True)).sum((1, 2)))
+        for x in (seen.joints, seen.landmarks(offsets))
+    ]
+    return np.asarray(np.log(extents[0] / extents[1]))
 
 
 def offsets_of(clips: list[Seen], input: str) -> Array:
-    """(21, 3) medians of the landmarks' places in their bones' frames, in palm lengths."""
-    offsets = np.zeros((N_JOINTS, 3))
-    for _ in range(_ROUNDS):
-        found = [
-            np.einsum("tjik,tji->tjk", c.frames, aligned(c, offsets, input) - c.truth) / c.size
-            for c in clips
-        ]
-        offsets = np.median(np.concatenate(found), axis=0)
-        if input == IN_SPACE and all(in_one_world(c) for c in clips):
-            break  # nothing is aligned, so nothing changes
-    return np.asarray(offsets)
+    """(21, 3) medians of the landmarks' places in their bones' frames, in palm lengths.
+
+    One camera's frames are brought onto the joints, at a size that makes a hand as large as the
+    detector's in the mean of clips. Once: brought onto the offsets found, again and again, all
+    offsets together would drift, which no landmarks about a hand's middle show.
+    """
+    none = np.zeros((N_JOINTS, 3))
+    usual = float(np.mean([log_size(c, none).mean() for c in clips]))
+    found = [
+        np.einsum("tjik,tji->tjk", c.frames, aligned(c, none, input, usual) - c.truth) / c.size
+        for c in clips
+    ]
+    return np.asarray(np.median(np.concatenate(found), axis=0))
 
 
 def errors_of(seen: Seen, offsets: Array, input: str) -> Errors:
     """What a clip's landmarks are off where the offsets expect them."""
     landmarks = seen.landmarks(offsets)
-    scale, turn, _ = procrustes(landmarks, seen.joints)
+    _, turn, _ = procrustes(landmarks, seen.joints)
     view = None
     if seen.view is not None:
         view = np.einsum("tji,j->ti", turn, seen.view)
@@ -289,7 +311,7 @@ def errors_of(seen: Seen, offsets: Array, input: str) -> Errors:
         frames=seen.frames,
         time_ns=seen.time_ns,
         view=view,
-        log_scale=np.log(scale),
+        log_scale=log_size(seen, offsets),
         aligned=input == ONE_CAMERA or not in_one_world(seen),
     )
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +19,8 @@ from handtrack.fitting.images import (
 )
 from handtrack.hand.model import HandModel
 from handtrack.sequences.sequence import Sequence
+from handtrack.tracking.settings import FilterSettings, TrackSettings
+from handtrack.video.one_camera import STIFFNESS, poses_of_joints, steady_depths
 from handtrack.video.views import Array, Views
 
 DOUBT_PX = 8.0
@@ -41,52 +45,47 @@ class Followed:
     noise_mm: float
 
 
-def follow(views: Views, model: HandModel) -> Followed:
-    """Fit the hand to the pictures of every frame, each from the frame before.
+def follow(
+    views: Views,
+    model: HandModel,
+    shown: HandModel | None = None,
+    settings: TrackSettings | None = None,
+) -> Followed:
+    """Fit the hand to the pictures of every frame.
 
-    Where the frame before has no fit, or the fit is doubtful, it is begun anew from the fit to
-    the points (triangulated, or a single camera's own), and the better is taken.
+    Of one camera whose points were measured: from their poses, to which the angles are held. Else
+    each from the frame before; where that has no fit, or the fit is doubtful, it is begun anew from
+    the fit to the points, or to the picture alone, and the better is taken.
 
     Args:
         views: what the cameras saw.
-        model: the hand, calibrated.
+        model: the hand, calibrated, with the landmarks that the points are.
+        shown: of one camera, the hand with the landmarks that pictures show. Without it points are
+            no measurement, and only begin a fit.
+        settings: of one camera, whose landmarks the points are, and the filter that steadies
+            their angles and the hand's distance; the defaults if left out.
     """
-    n = len(views)
-    pixels, weights = np.nan_to_num(views.image), views.weights
-    seen = weights > 0
+    chosen = TrackSettings() if settings is None else settings
+    n, held = len(views), np.full((len(views), 32), np.nan)
+    if shown is not None and len(views.cameras) == 1 and np.isfinite(views.points).any():
+        held = np.concatenate(poses_of_joints(views, model, chosen), axis=1)
+    shown = model if shown is None else shown
+    fits = _Fits(views, shown)
     joints, marks = np.full((n, 21, 3), np.nan), np.full((n, 21, 3), np.nan)
-    one = len(views.cameras) == 1
-    stiffness = (NOISE_PX / np.deg2rad(PRIOR_DEG)) ** 2 if one else 0.0
-    results = ViewResults(1)
-    last: tuple[Array, Array] | None = None
-
-    def run(t: int, start: tuple[Array, Array]) -> tuple[float, Array, Array, Array]:
-        """Objective, angles, root and joints of a frame's fit from angles and root."""
-        at = slice(t, t + 1)
-        results.run(
-            model, views.cameras, pixels[at], weights[at], start[0][None], start[1][None],
-            SPREAD_PX, stiffness,
-        )  # fmt: skip
-        found = (results.angles, results.roots, results.joints)
-        angles, root, placed = (array[0].copy() for array in found)
-        return float(results.objective[0]), angles, root, placed
-
+    last: _Pose | None = None
     for t in range(n):
-        if seen[t].sum() < MIN_POINTS:
+        if fits.seen[t].sum() < MIN_POINTS:
             last = None
             continue
-        best = None if last is None else run(t, last)
-        if best is None or best[0] > DOUBT_PX**2 * weights[t].sum():
-            anew = _from_points(views, model, t)
-            fresh = None if anew is None else run(t, anew)
-            if fresh is not None and (best is None or fresh[0] < best[0]):
-                best = fresh
-        if best is None:
-            continue
-        last = (best[1], best[2])
-        joints[t] = best[3]
-        turned = model.landmarks_from_joints(best[1], best[2][:9].reshape(3, 3))
-        marks[t] = best[3] + turned
+        if np.isfinite(held[t]).all():
+            last = fits.run(t, _Pose(held[t, :20], held[t, 20:]), STIFFNESS)
+        else:
+            last = fits.next(t, last, lambda t: _from_points(views, model, shown, t))
+        if last is not None:
+            joints[t] = last.joints
+            turn = last.root[:9].reshape(3, 3)
+            marks[t] = last.joints + shown.landmarks_from_joints(last.angles, turn)
+    seen = fits.seen
     error = np.stack(
         [
             np.linalg.norm(camera.project(marks) - views.image[:, c], axis=-1)
@@ -94,11 +93,13 @@ def follow(views: Views, model: HandModel) -> Followed:
         ],
         1,
     )
+    if np.isfinite(held).any():
+        joints += _steadier(joints, views, chosen.filter)
     joints[~seen.any(1)] = np.nan
     sequence = Sequence(
         time_ns=views.time_ns,
         joints=joints,
-        confidence=np.where(seen, weights, 0.0).max(1),
+        confidence=np.where(seen, fits.weights, 0.0).max(1),
         hand=views.hand,
         frame_index=views.frame_index,
         name=views.name,
@@ -107,6 +108,62 @@ def follow(views: Views, model: HandModel) -> Followed:
     )
     error = np.where(seen, error, np.nan)
     return Followed(sequence, error, _noise_mm(views, joints, error))
+
+
+def _steadier(joints: Array, views: Views, filter: FilterSettings) -> Array:
+    """(T, 1, 3) how hands are to be moved along their rays, so that their distance is steady."""
+    camera = views.cameras[0]
+    rays = joints.mean(1) - camera.centre
+    distance = np.linalg.norm(rays, axis=1)
+    steady = steady_depths(distance, views.time_ns, filter.name, filter.lag)
+    return np.asarray((rays * (steady / distance - 1.0)[:, None])[:, None])
+
+
+class _Pose(NamedTuple):
+    """angles (20,), root (12,), joints (21, 3) once it is fitted, and the objective of its fit."""
+
+    angles: Array
+    root: Array
+    joints: Array = np.zeros(0)
+    objective: float = np.inf
+
+
+class _Fits:
+    """Fits of a hand to the frames of some views."""
+
+    def __init__(self, views: Views, shown: HandModel) -> None:
+        self.weights, self.seen = views.weights, views.weights > 0
+        self._cameras, self._shown = views.cameras, shown
+        self._pixels, self._results = np.nan_to_num(views.image), ViewResults(1)
+        # one camera cannot see depth well
+        self._loose = (NOISE_PX / np.deg2rad(PRIOR_DEG)) ** 2 if len(views.cameras) == 1 else 0.0
+
+    def run(self, t: int, start: _Pose, stiffness: float) -> _Pose:
+        """A frame's fit from a pose, whose angles are a prior."""
+        at, results = slice(t, t + 1), self._results
+        results.run(
+            self._shown,
+            self._cameras,
+            self._pixels[at],
+            self.weights[at],
+            start.angles[None],
+            start.root[None],
+            SPREAD_PX,
+            stiffness,
+        )
+        found = (results.angles, results.roots, results.joints)
+        angles, root, joints = (array[0].copy() for array in found)
+        return _Pose(angles, root, joints, float(results.objective[0]))
+
+    def next(self, t: int, last: _Pose | None, anew: Callable[[int], _Pose | None]) -> _Pose | None:
+        """A frame's fit from the frame before, or from where it is begun anew if that is better."""
+        best = None if last is None else self.run(t, last, self._loose)
+        if best is None or best.objective > DOUBT_PX**2 * self.weights[t].sum():
+            start = anew(t)
+            fresh = None if start is None else self.run(t, start, self._loose)
+            if fresh is not None and (best is None or fresh.objective < best.objective):
+                best = fresh
+        return best
 
 
 def _noise_mm(views: Views, joints: Array, error: Array) -> float:
@@ -120,13 +177,13 @@ def _noise_mm(views: Views, joints: Array, error: Array) -> float:
     return float(1e3 * np.sqrt(variance / len(views.cameras)))
 
 
-def _from_points(views: Views, model: HandModel, t: int) -> tuple[Array, Array] | None:
+def _from_points(views: Views, model: HandModel, shown: HandModel, t: int) -> _Pose | None:
     """A pose by the points of a frame, or without points by a picture alone; None where too few are
     seen."""
-    if np.isfinite(views.points[t, :, 0]).sum() < MIN_POINTS:
-        if len(views.cameras) > 1:
-            return None
-        found = fit_2d(model, views.image[t], views.cameras, views.weights[t])
-        return found.angles, np.concatenate([found.rotation.ravel(), found.translation])
-    solid = fit(model, views.points[t], robust="huber")
-    return solid.angles, np.concatenate([solid.rotation.ravel(), solid.translation])
+    if np.isfinite(views.points[t, :, 0]).sum() >= MIN_POINTS:
+        found = fit(model, views.points[t], robust="huber")
+    elif len(views.cameras) > 1:
+        return None
+    else:
+        found = fit_2d(shown, views.image[t], views.cameras, views.weights[t])
+    return _Pose(found.angles, np.concatenate([found.rotation.ravel(), found.translation]))

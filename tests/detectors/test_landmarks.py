@@ -138,3 +138,34 @@ def test_no_profile_changes_nothing():
     assert np.array_equal(
         model.joints(angles, turns, shifts), model.landmarks(angles, turns, shifts)
     )
+
+
+def test_one_cameras_offsets_hold_the_detectors_size():
+    """A detector whose hands are 0.9 of the true ones: so are the landmarks of its profile."""
+    from handtrack.detectors.profile import ONE_CAMERA
+    from handtrack.evaluation.landmarks import Seen, estimate_profile
+
+    model, rng = profile().on(ht.HandModel.default()), np.random.default_rng(4)
+    clips = []
+    for seed, size in enumerate((0.85, 0.9, 0.953)):
+        angles, turns, _ = poses(model, 40, seed)
+        truth, marks = (
+            f(angles, turns, np.zeros((40, 3))) for f in (model.joints, model.landmarks)
+        )
+        scale = size * np.exp(rng.normal(0, 0.02, (40, 1, 1)))
+        turned = scale * marks @ vector_to_matrix([0.1, 0.2, 0.3]).T + 0.1
+        seen = ht.Sequence(np.arange(40) * 33_000_000, turned, hand="right", name="made")
+        clips.append(Seen.of(seen, truth, ht.HandModel.default()))
+    found = estimate_profile(clips, "made", input=ONE_CAMERA)
+
+    def extent(x):
+        return np.linalg.norm(x - x.mean(-2, keepdims=True), axis=(-2, -1))
+
+    own = found.on(ht.HandModel.default())
+    angles, turns, shifts = poses(model, 20, 9)
+    ratio = extent(own.landmarks(angles, turns, shifts)) / extent(
+        model.landmarks(angles, turns, shifts)
+    )
+    assert np.mean(ratio) == pytest.approx(0.9, abs=0.01)
+    assert found.noise.size == pytest.approx(np.std(np.log([0.85, 0.9, 0.953])), abs=0.012)
+    assert 0.01 < found.noise.scale < 0.04

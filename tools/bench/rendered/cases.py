@@ -26,6 +26,7 @@ class Case:
         angles: (T, 20) true angles of today's default hand [rad], or None.
         model: the true hand, or None where it is not known.
         remark: what was done to the truth, one line, or "".
+        camera: which one, of one camera.
     """
 
     clip: Clip
@@ -34,6 +35,7 @@ class Case:
     angles: Array | None
     model: ht.HandModel | None
     remark: str
+    camera: int = 0
 
     @property
     def sequence(self) -> ht.Sequence:
@@ -69,7 +71,7 @@ def cases(clip: Clip, camera: int = 0) -> list[Case]:
         given.append((TRIANGULATED if clip.cameras else GIVEN, clip.joints))
     angles, model, remark = _true_hand(clip)
     return [
-        Case(clip, name, joints, angles, model, remark)
+        Case(clip, name, joints, angles, model, remark, camera)
         for name, joints in given
         if np.isfinite(joints).all(-1).any(-1).mean() >= LEAST_SEEN
     ]

@@ -16,6 +16,7 @@ from tools.bench.oracles import savgol
 from tools.bench.rendered.bones import learnt_offsets, moved_by
 from tools.bench.rendered.cases import Case
 from tools.bench.rendered.layout import Array
+from tools.bench.rendered.pictured import seen_in_picture
 from tools.bench.rendered.profiles import Profiles
 
 WINDOWS = (3, 5, 7, 9, 11, 13, 15, 19, 25)
@@ -159,6 +160,18 @@ def true_hand_profiled(profiles: Profiles, **settings: Any) -> Method:
     return method
 
 
+def with_picture(profiles: Profiles, filter: str, lens: bool = True) -> Method:
+    """One camera's joints and picture together; of other inputs nothing."""
+
+    def method(case: Case) -> Estimate:
+        track = seen_in_picture(case, profiles, filter, lens)
+        if track is None:
+            return Estimate(np.full_like(case.joints, np.nan), None, "not of one camera")
+        return _of(track)
+
+    return method
+
+
 def standard(
     all_cases: list[Case], shipped: bool = False, others: Many[Case] = ()
 ) -> dict[str, Method]:
@@ -184,6 +197,10 @@ def standard(
     rows["fit, calibrated, profile"] = profiled(profiles)
     for name in ("fixed-lag", "rts"):
         rows[f"{name}, calibrated, profile"] = profiled(profiles, filter=name)
+    for name in ("none", "fixed-lag", "rts"):
+        said = "fit" if name == "none" else name
+        rows[f"{said}, picture too, profile"] = with_picture(profiles, name)
+    rows["rts, picture of an assumed lens, profile"] = with_picture(profiles, "rts", lens=False)
     rows["rts, true hand, profile (oracle)"] = true_hand_profiled(profiles, filter="rts")
     return rows
 
