@@ -181,7 +181,7 @@ def test_the_command_fits_the_picture_with_a_field_of_view(tmp_path, capsys):
     assert "reprojection error" in said
     assert "a lens 10 % longer" in said
     assert "its size is the detector's and people's to 6% (standard deviation" in said
-    (track,) = ht.load_tracks(out)
+    (track,) = ht.read_mcap(out)
     about = track.settings["cameras"]
     assert about["lens"] == "53.13 degrees"
     assert about["depth_deviation"] == 0.063
