@@ -352,3 +352,13 @@ def test_rosbridge(tmp_path: Path, kind: str) -> None:
             left, right = both(tmp_path / name)
         np.testing.assert_allclose(left.joints, LEFT)
         np.testing.assert_allclose(right.joints, RIGHT)
+
+
+def test_stamps_beyond_64_bits_are_told(tmp_path: Path) -> None:
+    for kind in ("pose", "tf", "poses", "markers"):
+        sent = [m for i in range(FRAMES) for m in bridged(kind, START + i * STEP)]
+        text = "\n".join(map(json.dumps, sent))
+        path = tmp_path / "a.jsonl"
+        path.write_text(text.replace(f'"sec": {START // 10**9}', f'"sec": {10**30}'))
+        with pytest.raises(HandtrackError, match="stamp is beyond 64 bits"):
+            ht.load(path)

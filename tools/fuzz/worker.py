@@ -97,7 +97,8 @@ class Runner:
     """
 
     def __init__(self, folder: Path) -> None:
-        codecs.lookup("latin-1")  # loaded at its first use
+        for name in ("latin-1", "cp1252"):  # loaded at their first use
+            codecs.lookup(name)
         self.folder, self.watch = folder, Watch()
         self.kinds = targets()
         joints = corpus.motion()

@@ -117,6 +117,11 @@ class RobotLog:
         self._take(of, log_time, message)
 
     def _take(self, of: _Topic, log_time: int, message: Message) -> None:
+        several = message.transforms if isinstance(message, Transforms) else (message,)
+        if any(abs(m.stamp or 0) > _LOGGED_MOST for m in several):
+            raise InputError(
+                f"{of.name}, message {of.messages - 1}: its stamp is beyond 64 bits", self.path
+            )
         if isinstance(message, Transforms):
             self._frames.add(message.transforms, log_time, "static" in of.name)
         else:

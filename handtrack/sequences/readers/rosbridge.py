@@ -49,11 +49,12 @@ def read_frames(values: list[Any], places: Items[str], path: Path) -> list[Raw]:
     log = RobotLog(path)
     others: dict[str, list[int]] = {}
     rounds: Counter[str] = Counter()
+    stamped = False
     for i, value in enumerate(values):
         if not is_frame(value):
             continue
         try:
-            message = _message(value["msg"])
+            message, stamp = _message(value["msg"]), _stamp_of(value)
         except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
             raise InputError(f"{places[i]} is no message of poses", path) from None
         if message is None:
@@ -61,9 +62,10 @@ def read_frames(values: list[Any], places: Items[str], path: Path) -> list[Raw]:
         else:
             # without stamps what a topic says is of as many moments
             rounds[value["topic"]] += 1
-            log.put(value["topic"], _stamp_of(value) or rounds[value["topic"]], message)
+            log.put(value["topic"], stamp or rounds[value["topic"]], message)
+            stamped = stamped or stamp != 0
     found = log.hands()
-    if not any(stamp for stamp in map(_stamp_of, values)):
+    if not stamped:
         for raw in found:
             raw.stamps = None
     if found or not others:
