@@ -41,9 +41,7 @@ _RECORDING = (
         show_default=True,
         help="Of the recording: zstd is smaller and slower.",
     ),
-    click.option(
-        "--foxglove-mesh", is_flag=True, help="The skin as a foxglove.SceneUpdate as well."
-    ),
+    click.option("--foxglove-mesh", is_flag=True, help="Smooth skin for Foxglove in every frame."),
 )
 
 

@@ -75,7 +75,7 @@ class RecordingSettings:
     Attributes:
         mesh: which skins, and how exactly.
         compression: of chunks: "lz4", "zstd" or "none".
-        foxglove_mesh: the same skins as foxglove.SceneUpdate too.
+        foxglove_mesh: the same skins as foxglove.SceneUpdate too, in place of stiff pieces.
 
     Raises:
         SettingsError: compression is unknown, or a scene is wanted without a mesh.

@@ -25,6 +25,7 @@ from handtrack.mcap import foxglove
 from handtrack.mcap.frames import Frames, Rows, Times
 from handtrack.mcap.hand import Event, Head, encode_event, encode_hand, hand_topics, text
 from handtrack.mcap.hands import METADATA
+from handtrack.mcap.part_skin import PartSkinEncoder
 from handtrack.mcap.schema import JOINT_STATE_NAME, JOINT_STATE_ROS2, descriptor_set
 from handtrack.mcap.state import state_rows
 from handtrack.mcap.stream import McapStream
@@ -78,7 +79,8 @@ def write_mcap(
             "quantised" (0.12 mm), "every N", "quantised,every N" or "none" (see `MeshChoice`).
             Reading back doesn't need them, unless the model is licensed.
         compression: "lz4", "zstd" or "none".
-        foxglove_mesh: write the skin as `foxglove.SceneUpdate` too (about 125 kB a frame).
+        foxglove_mesh: write the skin as `foxglove.SceneUpdate` in every frame (about 125 kB
+            each), where else its pieces, which are stiff, are written once.
         recording: those three as a whole, in their place.
 
     Returns:
@@ -233,7 +235,9 @@ class HandWriter:
         self._mesh = writer.contents.mesh
         skin = bool(self._mesh.every) and head.n_vertices > 0
         scene = skin and writer.contents.foxglove_mesh
-        wanted = {"mesh": skin, "skin": scene}
+        # of a licensed hand a file holds posed skins, not the one at rest
+        pieces = skin and not scene and not head.model.licensed
+        wanted = {"mesh": skin, "skin": scene or pieces}
         self.channel = {
             name: writer.register(f"/{topic}/{name}", schema)
             for name, schema in _TOPICS.items()
@@ -242,6 +246,7 @@ class HandWriter:
         self._model = head.model
         self._transforms = foxglove.TransformEncoder(topic, head.model)
         self._scene = foxglove.SceneEncoder(topic, head.faces, head.n_vertices) if scene else None
+        self._pieces = PartSkinEncoder(topic, head.model) if pieces else None
         self.summary = HandSummary(head)
         self._frames = self._events = self._lines = 0
         self._before = ("fitted", "")
@@ -264,7 +269,12 @@ class HandWriter:
                 f"time of {part.name} is negative and before the recording's first: give start_ns"
             )
         lines = log_lines(part, self._before)
-        sources = (self._happened(part.events), self._log(lines), self._states(part, self._frames))
+        sources = (
+            self._happened(part.events),
+            self._log(lines),
+            self._skin(part, self._frames),
+            self._states(part, self._frames),
+        )
         self._frames += len(part)
         if len(part):
             self._last_ns = int(times[-1])
@@ -286,6 +296,16 @@ class HandWriter:
             for time, line in zip(times, lines, strict=True)
         ]
         yield from self._said("log", times, range(first, self._lines), data)
+
+    def _skin(self, part: Part, first: int) -> Iterator[Frames]:
+        """The skin's pieces, where the hand comes or goes."""
+        if self._pieces is not None and len(part):
+            posed = (part.angles, part.quaternion, part.translation)
+            there = np.logical_and.reduce([np.isfinite(values).all(1) for values in posed])
+            times = [self._log_time(time) for time in part.time_ns.tolist()]
+            said = self._pieces.messages(times, there.tolist())
+            numbers = [first + i for i in said]
+            yield from self._said("skin", [times[i] for i in said], numbers, list(said.values()))
 
     def _log_time(self, time_ns: int) -> int:
         # what is said of a time before the first stands at the first

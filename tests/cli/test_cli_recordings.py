@@ -71,7 +71,7 @@ def test_what_goes_into_a_recording(call, short):
         lost = about["hands"]["right"]["lost"]
         expected = {"every": 6, "scene": 6, "none": None}.get(name, 60)
         assert messages.get("/right/mesh") == expected
-        assert messages.get("/right/skin") == (6 if name == "scene" else None)
+        assert messages.get("/right/skin") == {"scene": 6, "none": None}.get(name, 1)
         assert lost == 0
     assert sizes["none"] < sizes["every"] < sizes["quantised"] < sizes["zstd"] < sizes["full"]
 

@@ -34,6 +34,16 @@ FOXGLOVE = {
         "rotation": 5,
     },
     "FrameTransforms": {"transforms": 1},
+    "SceneEntityDeletion": {"timestamp": 1, "type": 2, "id": 3},
+    "SceneEntity": {
+        "timestamp": 1,
+        "frame_id": 2,
+        "id": 3,
+        "frame_locked": 5,
+        "triangles": 12,
+    },
+    "TriangleListPrimitive": {"pose": 1, "points": 2, "color": 3, "colors": 4, "indices": 5},
+    "SceneUpdate": {"deletions": 1, "entities": 2},
     "Log": {"timestamp": 1, "level": 2, "message": 3, "name": 4, "file": 5, "line": 6},
 }
 
