@@ -5,8 +5,11 @@ from __future__ import annotations
 import os
 from typing import Any
 
+from docutils import nodes
+from sphinx import addnodes
+
 from handtrack import __version__
-from tools.docs.docstrings import restructured, short_types
+from tools.docs.docstrings import inherited, restructured, short_types
 
 project = "handtrack"
 author = "the handtrack developers"
@@ -17,7 +20,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx.ext.intersphinx",
-    "sphinx.ext.mathjax",
+    "tools.docs.mathml",
     "sphinx_copybutton",
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
@@ -32,6 +35,7 @@ html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_theme_options = {"navigation_with_keys": True}
 html_show_sphinx = False
+html_math_renderer = "mathml"
 
 myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist", "attrs_inline"]
 myst_heading_anchors = 3
@@ -83,10 +87,20 @@ def setup(app: Any) -> None:
     """Our docstrings are plain text; Sphinx reads reStructuredText."""
     app.connect("autodoc-process-docstring", _plain, priority=400)
     app.connect("autodoc-process-signature", _short)
+    app.connect("object-description-transform", _short_property)
 
 
 def _plain(app: Any, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
+    if what == "class":
+        lines[:] = inherited(value, lines)
     lines[:] = restructured(lines)
+
+
+def _short_property(app: Any, domain: str, kind: str, content: nodes.Element) -> None:
+    for node in list(content.parent.findall(addnodes.desc_annotation)):
+        text = node.astext()
+        if (short := short_types(text)) != text:
+            node.children = [nodes.Text(short or "")]
 
 
 def _short(

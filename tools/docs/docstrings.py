@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import inspect
 import re
+
+import handtrack
 
 _SECTION = re.compile(r"[A-Z]\w+:$")
 _ARRAY = re.compile(
-    r"~?numpy\.ndarray\[tuple\[~?(?:typing\.)?Any, \.\.\.\], ~?numpy\.dtype\[~?numpy\.(\w+?)_?\]\]"
+    r"~?(?:numpy\.)?ndarray\[tuple\[~?(?:typing\.)?Any, \.\.\.\], "
+    r"~?(?:numpy\.)?dtype\[~?(?:numpy\.)?(\w+?)_?\]\]"
 )
 _LONG = re.compile(r"~(?:\w+\.)*(\w+)")
 _SEVERAL = re.compile(r"(\s+)(\w+(?:, \w+)+):(.*)")
@@ -38,6 +42,33 @@ def restructured(lines: list[str]) -> list[str]:
     return out + [line.replace("|", "\\|") for line in _one_by_one(lines[end:])]
 
 
+def inherited(value: type, lines: list[str]) -> list[str]:
+    """The lines of a class with the attributes of those it is made of, where these are not public.
+
+    Those have no page of their own to look them up.
+    """
+    more = [
+        line
+        for base in value.__mro__[1:]
+        if base.__module__.startswith("handtrack.") and base.__name__ not in handtrack.__all__
+        for line in _attributes((inspect.getdoc(base) or "").splitlines())
+    ]
+    if not more:
+        return lines
+    head = "Attributes:"
+    at = lines.index(head) + 1 if head in lines else len(lines)
+    return [*lines[:at], *([] if head in lines else ["", head]), *more, *lines[at:]]
+
+
+def _attributes(lines: list[str]) -> list[str]:
+    """What stands in the section of attributes."""
+    if "Attributes:" not in lines:
+        return []
+    rest = lines[lines.index("Attributes:") + 1 :]
+    end = next((i for i, line in enumerate(rest) if line and not line.startswith(" ")), len(rest))
+    return [line for line in rest[:end] if line.strip()]
+
+
 def _one_by_one(lines: list[str]) -> list[str]:
     """Sections in which `a, b: text` is an entry for each name: Sphinx knows no other."""
     out: list[str] = []
@@ -60,4 +91,5 @@ def _one_by_one(lines: list[str]) -> list[str]:
 
 def short_types(text: str | None) -> str | None:
     """A signature with arrays written as in the code."""
-    return text and _LONG.sub(r"\1", _ARRAY.sub(r"NDArray[\1]", text))
+    # a default that is made is no Python, and Sphinx breaks only what it can parse into lines
+    return text and _LONG.sub(r"\1", _ARRAY.sub(r"NDArray[\1]", text)).replace("<factory>", "...")
