@@ -24,7 +24,7 @@ from handtrack.viewer.hand_log import HandLog
 from handtrack.viewer.key import log_key
 from handtrack.viewer.picture_log import PictureView, log_pictures
 from handtrack.viewer.process import answers, free_port, grpc_address, viewer, wait_for
-from handtrack.viewer.rerun_log import APPLICATION, logs_of
+from handtrack.viewer.rerun_log import application, logs_of
 from handtrack.viewer.sending import forget_recordings, indexes, send_blueprint
 from handtrack.viewer.shown import Shown, origin_ns, zero_of
 from handtrack.viewer.style import Look
@@ -44,13 +44,14 @@ _FLUSH_S = 10.0
 
 @contextmanager
 def connected(
-    address: str, process: subprocess.Popen[bytes] | None = None
+    address: str, process: subprocess.Popen[bytes] | None = None, *, name: str = "live"
 ) -> Iterator[rr.RecordingStream]:
     """A recording whose content goes to a viewer.
 
     Args:
         address: the viewer's, as "rerun+http://127.0.0.1:9876/proxy", or HOST:PORT.
         process: the viewer's process, if it is ours: once that has ended nothing is sent.
+        name: of what is shown; recordings of another name keep their layout.
 
     Raises:
         SettingsError: that is no address.
@@ -66,7 +67,7 @@ def connected(
         raise HandtrackError(f"no viewer answers at {host}:{port}: start one with `rerun`")
     url = address if address.startswith("rerun") else f"rerun+http://{host}:{port}"
     forget_recordings()
-    recording = rr.RecordingStream(APPLICATION)
+    recording = rr.RecordingStream(application(name))
     recording.connect_grpc(url if url.endswith("/proxy") else f"{url}/proxy")
     try:
         yield recording
@@ -125,6 +126,7 @@ class LiveViewer:
         self._origin: int | None = None
         self._began = False
         self._pictured = -math.inf
+        self._views: set[str] = set()
         self._waiting: dict[str, list[tuple[TrackedFrame, Tracker, int]]] = {}
         self._counts: dict[str, int] = {}
         self._sent = -math.inf
@@ -204,7 +206,7 @@ class LiveViewer:
         times = np.array([index], np.int64), np.array([time_ns], np.int64)
         seen = {hand: {style.OBSERVED: points[None]} for hand, points in joints.items()}
         view = PictureView(name, times[1], times[0], lambda: iter([jpeg()]), seen)
-        log_pictures(self._recording, [view], lambda f, t: indexes(f, t, self._origin))
+        log_pictures(self._recording, [view], lambda f, t: indexes(f, t, self._origin), self._views)
 
     def _start(self, time_ns: int) -> None:
         """All is on the clock of what came first."""

@@ -44,6 +44,7 @@ def log_pictures(
     recording: rr.RecordingStream,
     views: Sequence[PictureView],
     indexes: Callable[[NDArray[np.int64], NDArray[np.int64]], list[Any]],
+    begun: set[str] | None = None,
 ) -> None:
     """Send pictures under `pictures/NAME`, the joints under `pictures/NAME/HAND/KIND`.
 
@@ -51,9 +52,12 @@ def log_pictures(
         recording: where to.
         views: the cameras.
         indexes: makes time columns of frame numbers and times.
+        begun: what was sent of that which stays, where more of the same cameras follows; what is
+            sent now is added.
     """
+    begun = set() if begun is None else begun
     for view in views:
-        _joints(recording, view, indexes)
+        _joints(recording, view, indexes, begun)
         blobs: list[bytes] = []
         first = 0
         for jpeg in view.jpegs():
@@ -85,6 +89,7 @@ def _joints(
     recording: rr.RecordingStream,
     view: PictureView,
     indexes: Callable[[NDArray[np.int64], NDArray[np.int64]], list[Any]],
+    begun: set[str],
 ) -> None:
     import rerun as rr
 
@@ -96,13 +101,17 @@ def _joints(
         )
         for id_, (label, colour, _) in style.SKELETONS.items()
     ]
-    recording.log(entity, rr.AnnotationContext(descriptions), static=True)
+    if entity not in begun:
+        recording.log(entity, rr.AnnotationContext(descriptions), static=True)
+        begun.add(entity)
     times = indexes(view.frame_index, view.time_ns)
     for topic, kinds in view.joints.items():
         for class_id, joints in kinds.items():
             place = f"{entity}/{topic}/{style.SKELETONS[class_id][0]}"
             static = rr.Points2D.from_fields(class_ids=class_id, radii=-2.0, show_labels=False)
-            recording.log(place, static, static=True)
+            if place not in begun:
+                recording.log(place, static, static=True)
+                begun.add(place)
             present = np.isfinite(joints).all(-1)
             columns = rr.Points2D.columns(
                 positions=joints[present].astype(np.float32), keypoint_ids=np.nonzero(present)[1]

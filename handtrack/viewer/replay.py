@@ -159,7 +159,8 @@ class _Show:
         """To a viewer, as long as its process runs, if that is known."""
         at = placed(self.hands, self._look)
         arranged = blueprint(self.hands, self._look, follow=self.speed is not None, at=at)
-        with connected(address, process) as recording:
+        names = dict.fromkeys(hand.run_name for hand in self.hands)
+        with connected(address, process, name=", ".join(names)) as recording:
             send_blueprint(recording, arranged)
             if self.speed is None:
                 log_hands(recording, self.hands, self._look, at=at)

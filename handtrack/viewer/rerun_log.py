@@ -33,6 +33,11 @@ if TYPE_CHECKING:
 APPLICATION = "handtrack"
 
 
+def application(name: str) -> str:
+    """The application that a recording says it is of: viewers keep one layout for each."""
+    return f"{APPLICATION}: {name}" if name else APPLICATION
+
+
 def log_rerun(
     tracks: Track | Sequence[Track],
     *,
@@ -95,7 +100,7 @@ def save_hands(
     """Write hands to an .rrd file; arguments and errors as of `log_rerun` and `blueprint`."""
     at = placed(hands, look, bool(pictures))
     arranged = blueprint(hands, look, at=at, pictures=[view.name for view in pictures])
-    with whole_file(path) as part, rrd_file(part, APPLICATION, arranged) as file:
+    with whole_file(path) as part, rrd_file(part, application(path.stem), arranged) as file:
         log_hands(file, hands, look, pictures, at=at)
     del file
     forget_recordings()

@@ -9,7 +9,7 @@ from recording_checks import rrd_columns
 
 from handtrack.tracking.track import Track
 from handtrack.viewer import style
-from handtrack.viewer.picture_log import BATCH, PictureView
+from handtrack.viewer.picture_log import BATCH, PictureView, log_pictures
 from handtrack.viewer.rerun_log import log_rerun
 
 
@@ -41,3 +41,22 @@ def test_pictures_and_their_joints(track: Track, tmp_path: Path) -> None:
     assert [len(p) for p in points] == [21, 21, 0, 20] + [21] * (n - 4)
     assert np.allclose(points[0], seen[0], atol=1e-4)
     assert 8 not in ids[3]
+
+
+def test_what_stays_is_sent_once(track: Track) -> None:
+    """Sent again with every picture, a viewer that shows them live forgets bones and colours."""
+
+    class Sent(list[str]):
+        def log(self, entity: str, archetype: object, *, static: bool) -> None:
+            self.append(entity)
+
+        def send_columns(self, *given: object) -> None: ...
+
+    sent, begun = Sent(), set[str]()
+    for i in range(3):
+        seen = {hand: {style.OBSERVED: np.ones((1, 21, 2))} for hand in ("right", "left")[: i + 1]}
+        number = np.array([i])
+        view = PictureView("cam0", number, number, lambda: iter([b"x"]), seen)
+        log_pictures(sent, [view], lambda f, t: [], begun)  # type: ignore[arg-type]
+    places = ["pictures/cam0", "pictures/cam0/right/observed", "pictures/cam0/left/observed"]
+    assert sent == places

@@ -186,7 +186,19 @@ def test_status_and_log(found: dict[str, Any]) -> None:
 def test_blueprint_comes_with_the_file(track: Track, tmp_path: Path) -> None:
     reader = RrdReader(log_rerun(track, save=tmp_path / "run.rrd"))
     assert len(reader.blueprints()) == 1
-    assert [entry.application_id for entry in reader.recordings()] == ["handtrack"]
+    assert [entry.application_id for entry in reader.recordings()] == ["handtrack: run"]
+
+
+def test_two_files_in_one_viewer_keep_their_own_layout(track: Track, tmp_path: Path) -> None:
+    """Rerun has one layout for each application."""
+    of = {
+        (entry.application_id, blueprint.application_id)
+        for name in ("a", "b")
+        for reader in [RrdReader(log_rerun(track, save=tmp_path / f"{name}.rrd"))]
+        for entry in reader.recordings()
+        for blueprint in reader.blueprints()
+    }
+    assert of == {("handtrack: a", "handtrack: a"), ("handtrack: b", "handtrack: b")}
 
 
 def test_two_hands_without_filter_truth_or_mesh(two_hands: list[Track], tmp_path: Path) -> None:
