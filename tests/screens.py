@@ -27,6 +27,11 @@ def lacking(what: str, reason: str) -> None:
     pytest.skip(f"no {what}: {reason}")
 
 
+def pictures_wanted() -> bool:
+    """Whether HANDTRACK_PICTURES says where pictures are kept."""
+    return bool(os.environ.get("HANDTRACK_PICTURES"))
+
+
 def keep(name: str, data: bytes) -> None:
     """A picture NAME.png, kept where HANDTRACK_PICTURES says."""
     if folder := os.environ.get("HANDTRACK_PICTURES"):

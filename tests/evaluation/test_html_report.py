@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from screens import lacking
+from screens import keep, lacking, pictures_wanted
 
 import handtrack as ht
 from handtrack.evaluation.compare import compare
@@ -158,6 +158,22 @@ def opened(browser, page: Path, profile: Path) -> str:
     return done.stdout
 
 
+def photographed(browser, page: Path, folder: Path, name: str) -> None:
+    """Pictures NAME-light.png and NAME-dark.png of a page, for people to look at."""
+    for scheme, number in (("dark", 0), ("light", 1)):
+        picture = folder / f"{scheme}.png"
+        settings = f"--blink-settings=preferredColorScheme={number}"
+        size = ("--window-size=1300,2600", "--hide-scrollbars")
+        command = [browser, *FLAGS, settings, *size, f"--user-data-dir={folder / 'profile'}"]
+        subprocess.run(
+            [*command, f"--screenshot={picture}", page.as_uri()],
+            capture_output=True,
+            timeout=120,
+            check=True,
+        )
+        keep(f"{name}-{scheme}", picture.read_bytes())
+
+
 def test_a_browser_draws_it(browser, both, sample_file, tmp_path):
     track = ht.track(ht.load(sample_file)[0].frames(0, 59))
     pages = {"compare": both, "track": stability(track), "alone": stability(sequences()[1])}
@@ -165,6 +181,8 @@ def test_a_browser_draws_it(browser, both, sample_file, tmp_path):
         path = tmp_path / f"{name}.html"
         path.write_text(to_html(report), encoding="utf-8")
         dom = opened(browser, path, tmp_path / "profile")
+        if pictures_wanted() and name != "alone":
+            photographed(browser, path, tmp_path, f"report-{name}")
         assert re.search(r'data-drawn="\d+"', dom), f"{name}: the script stopped"
         body = dom.split("<script")[0]
         text = html.unescape(body)

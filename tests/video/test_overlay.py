@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from clips import Told, write_image, write_video
+from screens import keep
 
 import handtrack as ht
 from handtrack.cli import run
@@ -115,6 +116,7 @@ def test_an_overlay_keeps_the_videos_times(made, tmp_path):
         assert 0.01 < changed.mean() < 0.4
     overlay(tmp_path / "out.png", [Seen.alone(found)], [track])
     assert read_image(tmp_path / "out.png").shape == (480, 640, 3)
+    keep("overlay", (tmp_path / "out.png").read_bytes())
     with pytest.raises(SettingsError, match=r"\.mp4 or \.png"):
         overlay(tmp_path / "out.gif", [Seen.alone(found)], [track])
 
