@@ -40,7 +40,7 @@ def lay_out(source: Path) -> None:
 
 def _only_ours(folder: str, names: list[str]) -> set[str]:
     """What users record lands in the same folder."""
-    return {name for name in names if Path(name).suffix not in (".npz", ".png")}
+    return {name for name in names if Path(name).suffix not in (".npz", ".png", ".jpg")}
 
 
 def build(out: Path, fast: bool = False) -> int:
