@@ -10,6 +10,8 @@ from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import without_landmarks
 
 AUTO = "auto"
+_IN_PICTURES = {"mediapipe": "mediapipe-3d"}
+"""Profiles of one camera's landmarks in space, and of those in its pictures."""
 
 
 def seen_by(model: HandModel, wanted: str, said: str) -> tuple[HandModel, Profile | None]:
@@ -23,6 +25,20 @@ def seen_by(model: HandModel, wanted: str, said: str) -> tuple[HandModel, Profil
     if profile is None or model.has_landmarks:
         return model, profile
     return profile.on(model), profile
+
+
+def in_pictures(model: HandModel, settings: Mapping[str, object]) -> HandModel:
+    """A tracked hand with the landmarks that its detector has in pictures.
+
+    What a detector makes of one picture in space is another hand, smaller and bent otherwise,
+    than the one that it marks in the picture.
+
+    Args:
+        model: the hand.
+        settings: the track's.
+    """
+    name = _IN_PICTURES.get(str(settings.get("detector")))
+    return load_profile(name).on(model) if name and model.has_landmarks else model
 
 
 def chosen_profile(wanted: str, said: str) -> Profile | None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.cameras.camera import Camera
+from handtrack.detectors.chosen import in_pictures
 from handtrack.fitting.images import NOISE_PX, SPREAD_PX, ViewResults, shift_to_rays
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.hand.skeleton import N_JOINTS, Hand
@@ -37,7 +38,8 @@ def assumed_camera(size: tuple[int, int]) -> Camera:
 def place_in_view(track: Track, image: Array, camera: Camera) -> tuple[Array, Array, Array]:
     """Poses of a track in front of the camera that saw it.
 
-    The root is fitted to the picture; the angles stay within about `STIFF_DEG` of the track's.
+    The root is fitted to the picture, by the landmarks that the detector has there; the angles
+    stay within about `STIFF_DEG` of the track's.
 
     Args:
         track: fitted to world joints with the camera's axes (see `Detection.world`).
@@ -65,7 +67,7 @@ def place_in_view(track: Track, image: Array, camera: Camera) -> tuple[Array, Ar
         starts[i, 9:] = camera.rotation.T @ (shift - camera.translation)
     results = ViewResults(len(use))
     results.run(
-        track.model,
+        in_pictures(track.model, track.settings),
         [camera],
         np.nan_to_num(image[use])[:, None],
         seen[use].astype(np.float64)[:, None],

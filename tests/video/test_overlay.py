@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from clips import Told, write_image, write_video
@@ -9,6 +11,7 @@ from screens import keep
 
 import handtrack as ht
 from handtrack.cli import run
+from handtrack.detectors.profile import load_profile
 from handtrack.errors import SettingsError
 from handtrack.hand.rotations import vector_to_matrix
 from handtrack.video.detections import detect
@@ -61,6 +64,25 @@ def test_a_hand_is_placed_where_it_was(made):
     image = found.image["right"].copy()
     image[1, 3:] = np.nan  # too little is seen
     assert np.isnan(place_in_view(track, image, CAMERA)[2][1]).all()
+
+
+def test_a_detectors_landmarks_in_pictures_are_not_those_in_space(made):
+    """One camera's profile in space would put the hand half a centimetre and more beside."""
+    _, found, joints = made
+    track = ht.track(found.sequences()[0])
+    model, angles, rotation, shift = moving_hand()
+    seen = load_profile("mediapipe-3d").on(model).landmarks(angles, rotation, shift)
+    image = np.stack([CAMERA.project(points) for points in seen])
+    in_space = load_profile("mediapipe").on(track.model)
+    off = {}
+    for name in ("mediapipe", "of-ones-own.json"):
+        told = replace(track, model=in_space, settings={**track.settings, "detector": name})
+        placed = track.model.joints(*place_in_view(told, image, CAMERA))
+        at = np.stack([CAMERA.project(points) for points in placed])
+        true = np.stack([CAMERA.project(points) for points in joints])
+        off[name] = np.linalg.norm(at - true, axis=-1).mean()
+    assert off["mediapipe"] < 2
+    assert off["of-ones-own.json"] > 3 * off["mediapipe"]
 
 
 def test_skin_is_drawn_where_the_hand_is_and_nowhere_else():

@@ -28,8 +28,6 @@ CLIP = 4
 """Of the split to tune on: it moves as the sample does."""
 STEP = 3
 """Of its pictures every third is used."""
-DETECTOR = "none"
-"""The skin is put where the detector's points are, as they are seen beside it."""
 SHOWN = (0.15, 0.5, 0.85)
 """Where in the clip the pictures are from."""
 WIDTH = 320
@@ -82,7 +80,7 @@ def main(arguments: list[str] | None = None) -> None:
     with tempfile.TemporaryDirectory(prefix="handtrack-overlay-") as folder:
         clip, drawn = Path(folder) / "clip.mp4", Path(folder) / "drawn.mp4"
         write_video(clip, seen)
-        command = ["track", str(clip), "-o", f"{folder}/clip.mcap", "--detector", DETECTOR, "-q"]
+        command = ["track", str(clip), "-o", f"{folder}/clip.mcap", "-q"]
         if run([*command, "--overlay", str(drawn)]):
             raise SystemExit("the clip was not tracked")
         over = read_video(drawn)
