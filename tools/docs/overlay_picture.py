@@ -65,7 +65,8 @@ def read_video(path: Path) -> list[Rgb]:
     import av
 
     with av.open(str(path)) as container:
-        return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+        frames = container.decode(video=0)
+        return [np.asarray(frame.to_ndarray(format="rgb24"), np.uint8) for frame in frames]
 
 
 def main(arguments: list[str] | None = None) -> None:
