@@ -24,6 +24,8 @@ MODULES = {
         "Method": "fitting.settings",
         "Robust": "fitting.settings",
     },
+    "fitting.batch": {"fit_batch": "fitting.fit", "BatchFit": "fitting.result:Fit"},
+    "hand.mano_decode": {"decode": "hand.mano_pose"},
     "recording.mcap_io": {
         "read_mcap": "recording.read",
         "follow_mcap": "recording.read",

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from handtrack.deprecated import moved, old_positions
+from handtrack.deprecated import old_positions
 from handtrack.errors import InputError, SettingsError
 from handtrack.fitting.result import Fit
 from handtrack.fitting.settings import FitSettings
@@ -87,10 +87,6 @@ def warm_up() -> None:
     Program()
     model = HandModel.default()
     fit(model, model.rest_joints)
-
-
-if not TYPE_CHECKING:
-    __getattr__ = moved(__name__, {"BatchFit": "fitting.result:Fit"})
 
 
 @old_positions("update", "method", "robust", "spread_mm", "noise_mm", "collisions", "threads")
