@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from uuid import uuid4
 
 from handtrack.batching.optional import needed
-from handtrack.errors import HandtrackError
+from handtrack.errors import HandtrackError, SettingsError
 
 _Result = TypeVar("_Result")
 
@@ -112,8 +112,12 @@ class Store:
         """Make the folder, where there are folders.
 
         Raises:
+            SettingsError: it is a file.
             StoreError: it cannot be made or written to.
         """
+
+        if self.folder is not None and self.folder.exists() and not self.folder.is_dir():
+            raise SettingsError(f"{self.folder} is a file, expected a folder for the results")
 
         def made() -> None:
             if self.folder is not None:

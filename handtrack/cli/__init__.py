@@ -18,7 +18,7 @@ from handtrack import __version__
 from handtrack.cli.commands import COMMANDS as COMMANDS
 from handtrack.cli.helping import pointing_to_help, suggestion
 from handtrack.cli.progress import begin
-from handtrack.cli.streams import STOPPED, stopping, usable_streams
+from handtrack.cli.streams import INTERRUPTED, NOT_READ, STOPPED, stopping, usable_streams
 from handtrack.errors import HandtrackError, InputError, ModelError, SettingsError
 
 _COLLECT_EVERY = 50_000
@@ -26,7 +26,8 @@ _COLLECT_EVERY = 50_000
 
 
 def main() -> None:
-    """Run the command line and exit: 0 done, 1 the job failed, 2 input or arguments are wrong."""
+    """Run the command line and exit: 0 done, 1 the job failed, 2 input or arguments are wrong; 130,
+    143, 141 as shells have it: Ctrl-C, told to end, nobody reads on."""
     usable_streams()
     # NumPy is not loaded yet; on matrices as small as ours threads only wait for one another,
     # on a busy machine ten times as long as the work takes
@@ -55,13 +56,13 @@ def run(arguments: list[str]) -> int:
         except BrokenPipeError:
             # whoever read the output has seen enough; the interpreter's last flush must not fail
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            return 1
+            return NOT_READ
         except OSError as error:
             name = f"{error.filename}: " if error.filename else ""
             return _failed(f"{name}{error.strerror or error}", 1)
         except (click.Abort, KeyboardInterrupt):
             click.echo("stopped", err=True)
-            return 1
+            return INTERRUPTED
         except SystemExit as left:
             if left.code == STOPPED:
                 click.echo("stopped", err=True)

@@ -16,6 +16,7 @@ from handtrack.errors import InputError, SettingsError
 
 if TYPE_CHECKING:
     from handtrack import Camera
+    from handtrack.sequences.hands import HandChoice
     from handtrack.sequences.picture_landmarks import PictureLandmarks
     from handtrack.tracking.settings import TrackSettings
     from handtrack.video.following import Followed
@@ -138,9 +139,12 @@ def from_cameras(
         seen = [f.detections for f in found]
         used = cameras or [lens.camera(seen[0].size)]
         for views in views_of(seen, used):
-            if not stored and reading.hand not in ("auto", views.hand):
+            swap = not stored and reading.hand == "swap"
+            if not (stored or swap or reading.hand in ("auto", views.hand)):
                 continue
-            views = _told(views, found, reading)
+            views = _told(views, found, "auto" if swap else reading.choice)
+            if swap:
+                views = _of_other_hand(views)
             if len(used) > 1:
                 _check_size(views, lens)
             hand = _hand(views, models, settings, stored)
@@ -198,7 +202,7 @@ def _people_of(
     return [[people[0] for people in seen]]
 
 
-def _told(views: Views, found: list[Found], reading: Reading) -> Views:
+def _told(views: Views, found: list[Found], choice: HandChoice) -> Views:
     """Views with what the user should know; of several cameras the joints' bending tells the hand
     that no file names."""
     from handtrack.sequences.hands import label_hands
@@ -206,9 +210,18 @@ def _told(views: Views, found: list[Found], reading: Reading) -> Views:
     notes = tuple(dict.fromkeys(n for f in found for n in f.notes))
     if len(views.cameras) == 1 or any(f.named for f in found):
         return replace(views, notes=(*views.notes, *notes))
-    (points,) = label_hands([views.sequence()], [None], [False], reading.choice, False)
+    (points,) = label_hands([views.sequence()], [None], [False], choice, False)
     notes = tuple(n for n in notes if not n.startswith("hand not named"))
     return replace(views, hand=points.hand, notes=(*points.notes, *notes))
+
+
+def _of_other_hand(views: Views) -> Views:
+    """Views of a hand that was found in pictures, called by the other's name."""
+    from handtrack.sequences.hands import OTHER
+
+    other, plain = OTHER[views.hand], views.name.removesuffix(f" {views.hand}")
+    name = views.name if plain == views.name else f"{plain} {other}"
+    return replace(views, hand=other, name=name)
 
 
 def _people(

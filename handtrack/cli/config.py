@@ -60,6 +60,7 @@ def save_config(context: click.Context) -> None:
     if path is None:
         return
     from handtrack.cli.outputs import check_target
+    from handtrack.files.whole import whole_file
 
     check_target(path, ".toml", "--save-config")
     default = (click.core.ParameterSource.DEFAULT, None)
@@ -71,7 +72,8 @@ def save_config(context: click.Context) -> None:
             value = _toml(context.params[name])
             lines += [f"{name.replace('_', '-')} = {value}"] if value else []
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with whole_file(path) as part:
+        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _toml(value: Any) -> str:

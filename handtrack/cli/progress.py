@@ -15,7 +15,15 @@ if TYPE_CHECKING:
 
 COMPILING = "compiling {part}, once on this machine (about {seconds} s) ..."
 _PARTS = (
-    (("kalman", "drift", "smoother", "filter", "motion_noise", "colour"), "the filter", 15),
+    (
+        (
+            *("kalman", "drift", "smoother", "filter", "motion_noise", "colour", "evidence"),
+            *("measurement", "covariance.information"),
+        ),
+        "the filter",
+        15,
+    ),
+    (("li2021",), "the paper's updates", 10),
     (("image_fit", "pixels", "lens"), "the fit to pictures", 10),
     (("collisions",), "the collisions", 5),
 )
@@ -24,9 +32,9 @@ _EVERY_S = 60.0
 """In a log a line so often says where the work is."""
 
 
-def _part(module: str) -> tuple[str, int]:
-    """Which part of the machine code a module of kernels is, and about how long it compiles."""
-    name = module.rpartition(".")[2]
+def _part(module: str, function: str) -> tuple[str, int]:
+    """Which part of the machine code a kernel is of, and about how long that compiles."""
+    name = f"{module.rpartition('.')[2]}.{function}"
     found = ((part, s) for starts, part, s in _PARTS if name.startswith(starts))
     return next(found, _FITTER)
 
@@ -46,7 +54,8 @@ def compiling_said(quiet: bool) -> Iterator[None]:
             self.said: set[str] = set()
 
         def on_start(self, event: Any) -> None:
-            part, seconds = _part(str(event.data.get("module", "")))
+            of = event.data
+            part, seconds = _part(str(of.get("module", "")), str(of.get("qualname", "")))
             # what a filter is made of belongs to the fitter, which stands before it
             if part not in self.said and not (part == _FITTER[0] and self.said):
                 self.said.add(part)

@@ -12,8 +12,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-STOPPED = 128 + signal.SIGTERM
-"""Exit status of a command that was told to end."""
+STOPPED, INTERRUPTED, NOT_READ = 128 + signal.SIGTERM, 128 + signal.SIGINT, 128 + 13
+"""Exit statuses of a command that was told to end, by Ctrl-C too, or whose output nobody reads any
+more: as shells know them."""
 
 
 class _Closed(io.TextIOBase):

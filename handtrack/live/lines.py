@@ -67,6 +67,11 @@ class _Line:
         return None if self.stamps is None else self.stamps.values[0]
 
 
+_JUDGED, _JUDGED_EVERY = 100, 30
+"""Whether joints are a hand's in their order is asked of the first lines, then of every so
+many: it takes far longer than all the rest of a line."""
+
+
 def refuse(error: InputError) -> None:
     """What a line that is wrong does unless told otherwise: it ends all."""
     raise error
@@ -170,7 +175,7 @@ def _read(value: Any, n: int, came: float, where: Path, given: Given, hand: Hand
         read.stamps = read.stamps or raw.stamps
         raw.stamps = None
         if np.isfinite(raw.joints).any():
-            sequence = assemble(raw, given)
+            sequence = assemble(raw, given, judge=n < _JUDGED or n % _JUDGED_EVERY == 0)
             if sequence.present.any():
                 read.joints[side] = sequence.joints[0]
                 read.confidence[side] = sequence.confidence[0]

@@ -127,7 +127,14 @@ def camera(index: int) -> Newest[Picture]:
     """
 
     def fill(queue: Newest[Picture]) -> None:
-        device = opencv().VideoCapture(index)
+        cv2 = opencv()
+        # it says of a camera that is not there what is said below, in many lines
+        logging = cv2.utils.logging
+        before = logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+        try:
+            device = cv2.VideoCapture(index)
+        finally:
+            logging.setLogLevel(before)
         where = Path(f"camera {index}")
         if not device.isOpened():
             raise InputError("there is no such camera, or it is in use", where)

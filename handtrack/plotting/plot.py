@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from handtrack.errors import SettingsError
+from handtrack.files.whole import whole_file
 from handtrack.plotting.panels import draw_angle, draw_errors, draw_legend, draw_statuses
 from handtrack.plotting.runs import Run, chosen_angles, runs_of
 from handtrack.plotting.settings import PlotSettings
@@ -57,6 +58,7 @@ def plot(
     Raises:
         SettingsError: matplotlib is not installed (extra `plot`), a name is unknown, another
             ending, or there is nothing to draw.
+        HandtrackError: the file cannot be written.
     """
     how = PlotSettings.of(settings, options)
     path = None if save is None else Path(save)
@@ -71,7 +73,9 @@ def plot(
             path.parent.mkdir(parents=True, exist_ok=True)
             # the same track gives the same file
             about: dict[str, Any] = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
-            figure.savefig(path, dpi=how.dpi, metadata=about.get(path.suffix))
+            with whole_file(path) as part:
+                kind = path.suffix.removeprefix(".")
+                figure.savefig(part, format=kind, dpi=how.dpi, metadata=about.get(path.suffix))
     return figure
 
 

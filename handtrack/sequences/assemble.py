@@ -55,10 +55,15 @@ class Given:
     mirror: Mirror | None = None
 
 
-def assemble(raw: Raw, given: Given) -> Sequence:
+def assemble(raw: Raw, given: Given, judge: bool = True) -> Sequence:
     """The sequence of one hand, in metres and this project's order; its size is not checked.
 
     Its hand is the source's label, or "right" for now where there is none.
+
+    Args:
+        raw: the source.
+        given: what the caller says of it.
+        judge: check the joints' order against what a hand can be.
 
     Raises:
         NotJointsError: places in a picture.
@@ -70,7 +75,7 @@ def assemble(raw: Raw, given: Given) -> Sequence:
         truth = None if raw.truth is None else ordered_by_axis(raw.truth)
         raw = replace(raw, joints=ordered_by_axis(raw.joints), truth=truth)
     _check_numbers(raw)
-    reading = read_order(raw, given.order)
+    reading = read_order(raw, given.order, judge)
     notes = [*raw.notes, *reading.notes]
     pick = np.array(reading.picks)
     unit = unit_of(raw, given)

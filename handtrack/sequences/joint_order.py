@@ -67,12 +67,13 @@ def check_order(order: str | None) -> None:
         )
 
 
-def read_order(raw: Raw, order: str | None) -> Reading:
+def read_order(raw: Raw, order: str | None, judge: bool = True) -> Reading:
     """The order of a source's joints, checked against what a hand can be.
 
     Args:
         raw: the source, with NaN where joints are missing.
         order: what the caller says: a name, or places; None: as the source says.
+        judge: check it.
 
     Raises:
         InputError: an order that is unknown or of another number of joints; joints that clearly
@@ -81,6 +82,8 @@ def read_order(raw: Raw, order: str | None) -> Reading:
     """
     given = _given(raw, order or raw.order)
     reading = given or _by_count(raw)
+    if not judge:
+        return reading
     return reading._replace(notes=(*reading.notes, *_doubts(raw, reading, order)))
 
 

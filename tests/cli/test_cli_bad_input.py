@@ -123,6 +123,10 @@ BAD = {
         ["stability", RECORDING, "--truth", "other_hand.npz"],
         "a right hand against a left one",
     ),
+    "results in a file": (
+        ["batch", SHORT, "-o", "words.txt"],
+        "words.txt is a file, expected a fo",
+    ),
     "nothing to replay": (["replay", "no.mcap"], "no.mcap: no such file or folder"),
     "folder without replays": (["replay", "empty"], "empty: no .mcap recording in this folder"),
     "joints for a replay": (["replay", SHORT, "--save", "a.rrd"], "not an MCAP file"),
@@ -215,7 +219,7 @@ def test_ctrl_c_is_one_line(call, made, monkeypatch):
 
     monkeypatch.setattr("handtrack.recording.write.RecordingWriter.add", interrupted)
     status, out, err = call("track", made.short, "-o", "a.mcap")
-    assert (status, out) == (1, "")
+    assert (status, out) == (130, "")
     assert err.strip() == "stopped"
     assert not list(Path().glob("a.mcap*"))
 
@@ -231,4 +235,4 @@ def test_a_reader_that_leaves_is_no_error(made):
         text=True,
     )
     os.close(write)
-    assert (done.returncode, done.stderr) == (1, "")
+    assert (done.returncode, done.stderr) == (141, "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import re
@@ -116,6 +117,32 @@ def test_compiling_is_said_once_and_only_when_it_happens(capsys):
         assert numba.njit(lambda x: x + 2)(1) == 3
     assert numba.njit(lambda x: x + 3)(1) == 4
     assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("kernel", "part"),
+    [
+        ("newton.newton", "the fitter"),
+        ("covariance.unit_covariance", "the fitter"),
+        # only filters ask for it: "the fitter" would be said a second time
+        ("covariance.information", "the filter"),
+        ("filter_loop.filter_frames", "the filter"),
+        ("evidence.motion_evidence", "the filter"),
+        ("li2021.bcd_li2021", "the paper's updates"),
+        ("image_fit.fit_views", "the fit to pictures"),
+        ("collisions.move_apart", "the collisions"),
+    ],
+)
+def test_compiling_names_the_part(kernel, part, capsys):
+    from numba.core import event
+
+    module, function = kernel.split(".")
+    assert hasattr(importlib.import_module(f"handtrack.kernels.{module}"), function)
+    about = {"module": f"handtrack.kernels.{module}", "qualname": f"{function}_0123456789ab"}
+    with cli_progress.compiling_said(quiet=False):
+        event.start_event("numba:run_pass", about)
+        event.end_event("numba:run_pass", about)
+    assert capsys.readouterr().err.startswith(f"compiling {part}, once on this machine")
 
 
 def test_what_took_the_time_adds_up_to_the_whole(monkeypatch):

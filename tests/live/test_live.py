@@ -16,11 +16,12 @@ from handtrack.calibration.online import OnlineCalibration
 from handtrack.cli import run
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import JOINT_NAMES
-from handtrack.live.lines import LiveFrame, from_lines
+from handtrack.live.lines import BadLines, LiveFrame, from_lines
 from handtrack.live.live import run_live, size_of
 from handtrack.live.sinks import RecorderSink
 from handtrack.live.sources import Newest
 from handtrack.recording.settings import RecordingSettings
+from handtrack.sequences import joint_order
 from handtrack.tracking.tracker import Tracker
 
 RIGHT = ht.HandModel.default("right").scaled(0.9)
@@ -151,7 +152,7 @@ def test_the_size_is_that_of_the_bones():
 
 
 def lines(*rows) -> Newest[bytes]:
-    queue: Newest[bytes] = Newest(99)
+    queue: Newest[bytes] = Newest(max(99, len(rows) + 1))
     for row in rows:
         queue.put(row if isinstance(row, bytes) else json.dumps(row).encode())
     queue.end()
@@ -202,6 +203,25 @@ def test_lines_begin_untracked_and_have_any_names(stamp, first_ns):
     assert [f.time_ns for f in found] == [first_ns + 20_000_000 * i for i in range(9)]
     assert [list(f.joints) for f in found] == [[], [], *[["left"]] * 6, []]
     assert np.allclose(found[4].joints["left"], joints[2])
+
+
+def test_a_long_stream_is_judged_now_and_then(monkeypatch):
+    judged = []
+    monkeypatch.setattr(joint_order, "_doubts", lambda raw, *_: judged.append(raw) or [])
+    joints = np.resize(motion(30), (200, 21, 3))
+    rows = [{"time_s": t / 30, "joints": j.tolist()} for t, j in enumerate(joints)]
+    found = list(from_lines(lines(*rows), "test"))
+    np.testing.assert_array_equal([f.joints["right"] for f in found], joints)
+    assert len(judged) == 100 + len(range(120, 200, 30))
+
+
+def test_a_wrong_order_is_still_refused():
+    joints = motion(5)
+    rows = [{"time_s": t / 30, "joints": j.T.reshape(21, 3).tolist()} for t, j in enumerate(joints)]
+    bad = BadLines(lambda _: None)
+    assert list(from_lines(lines(*rows[:5]), "test", wrong=bad)) == []
+    assert bad.count == 5
+    assert "all x, then all y" in str(bad.first)
 
 
 def test_lines_of_nothing_wait_for_the_first_time():

@@ -132,6 +132,20 @@ def test_what_cannot_be_drawn_is_said(tracked, options, says):
         ht.plot(tracked, **options)
 
 
+def test_a_figure_that_cannot_be_written_keeps_the_one_before(tracked, tmp_path, monkeypatch):
+    path = tmp_path / "a.png"
+    path.write_bytes(b"before")
+
+    def full(figure, part, **_):
+        Path(part).write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", full)
+    with pytest.raises(ht.HandtrackError, match=r"a\.png: cannot be written: No space left"):
+        ht.plot(tracked, path)
+    assert [p.read_bytes() for p in tmp_path.iterdir()] == [b"before"]
+
+
 def test_a_figure_is_written_as_vectors_with_its_text(tracked, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     ht.write_mcap([tracked], "out.mcap")
