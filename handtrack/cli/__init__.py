@@ -66,6 +66,8 @@ def run(arguments: list[str]) -> int:
         except SystemExit as left:
             if left.code == STOPPED:
                 click.echo("stopped", err=True)
+            if isinstance(left.__context__, BrokenPipeError):  # click has met it
+                return NOT_READ
             raise
 
 
