@@ -41,6 +41,7 @@ def main() -> None:
 def run(arguments: list[str]) -> int:
     """Run one command and return its exit status; what goes wrong is one line on stderr."""
     begin()
+    output = sys.stdout
     with warnings.catch_warnings(), stopping():
         warnings.showwarning = _show_warning  # type: ignore[assignment]
         if arguments[:1] == ["help"]:
@@ -66,7 +67,7 @@ def run(arguments: list[str]) -> int:
         except SystemExit as left:
             if left.code == STOPPED:
                 click.echo("stopped", err=True)
-            if isinstance(left.__context__, BrokenPipeError):  # click has met it
+            if sys.stdout is not output:  # click met a pipe that is closed, and put it aside
                 return NOT_READ
             raise
 
