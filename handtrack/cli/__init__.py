@@ -33,7 +33,7 @@ def main() -> None:
     # on a busy machine ten times as long as the work takes
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
         os.environ.setdefault(name, "1")
-    # a thousand modules and compiled functions are nothing to be collected: a tenth of the start
+    # a thousand modules and compiled functions are nothing to be collected: 3 to 6 % of a start
     gc.set_threshold(_COLLECT_EVERY)
     sys.exit(run(sys.argv[1:]))
 

@@ -37,8 +37,14 @@ def in_pictures(model: HandModel, settings: Mapping[str, object]) -> HandModel:
         model: the hand.
         settings: the track's.
     """
-    name = _IN_PICTURES.get(str(settings.get("detector")))
-    return load_profile(name).on(model) if name and model.has_landmarks else model
+    used = str(settings.get("detector"))
+    name = of_pictures(used)
+    return load_profile(name).on(model) if name != used and model.has_landmarks else model
+
+
+def of_pictures(name: str) -> str:
+    """The profile of a detector's landmarks in pictures, by that of one camera's in space."""
+    return _IN_PICTURES.get(name, name)
 
 
 def chosen_profile(wanted: str, said: str) -> Profile | None:

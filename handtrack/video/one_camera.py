@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.calibration.calibrate import calibrate
-from handtrack.detectors.chosen import seen_by
-from handtrack.detectors.profile import Noise, shipped
+from handtrack.detectors.chosen import of_pictures, seen_by
+from handtrack.detectors.profile import Noise
 from handtrack.fitting.images import NOISE_PX, shift_to_rays
 from handtrack.hand.default import SHAPES
 from handtrack.hand.model import HandModel
@@ -87,14 +87,6 @@ def believed_size(scale: float, noise: Noise | None) -> Size:
     return Size(float(scale ** (trust - 1.0)), float(noise.size * np.sqrt(trust)))
 
 
-def pictured_by(bare: HandModel, wanted: str, detector: str) -> HandModel:
-    """A hand with the landmarks that a detector shows in pictures: those that several cameras'
-    pictures give. Arguments as of `seen_by`.
-    """
-    said = f"{detector}-3d"
-    return seen_by(bare, wanted, said if said in shipped() else detector)[0]
-
-
 def hand_seen(
     views: Views,
     model: HandModel,
@@ -126,7 +118,8 @@ def hand_seen(
         model, size = found.model, believed_size(found.scale, noise)
     if not one:
         return SeenHand(model)
-    shown = pictured_by(without_landmarks(model), pictured or detector, views.detector)
+    wanted, said = of_pictures(pictured or detector), of_pictures(views.detector)
+    shown, _ = seen_by(without_landmarks(model), wanted, said)
     moving = 0.0 if noise is None else 1e3 * np.sqrt(np.mean(noise.fading**2 + noise.white**2))
     return SeenHand(model, shown.scaled(size.factor), size.deviation, float(moving))
 

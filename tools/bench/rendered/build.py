@@ -32,10 +32,15 @@ _LEARNERS = range(5, 12)
 CAMERAS = 3
 GENERATED = "generated"
 # of the splits that are held out: first subject, part of the sample, first seed
-_HELD_OUT = {"holdout": (40, 1.0, 1000), "holdout2": (80, 0.75, 3000), "holdout3": (100, 0.5, 4000)}
-SPLITS = ("tune", "holdout", "holdout2")
+_HELD_OUT = {
+    "holdout": (40, 1.0, 1000),
+    "holdout2": (80, 0.75, 3000),
+    "holdout3": (100, 0.5, 4000),
+    "holdout4": (220, 0.25, 6000),
+}
+SPLITS = ("tune", "holdout", "holdout2", "holdout3")
 """What is measured."""
-NEXT = "holdout3"
+NEXT = "holdout4"
 """Held out for the next time: planned, and not drawn yet."""
 
 
