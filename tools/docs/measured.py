@@ -17,7 +17,6 @@ def tables() -> dict[str, str]:
         "methods": methods(),
         "accuracy_tune": accuracy("accuracy_tune"),
         "accuracy_holdout": accuracy("accuracy_holdout"),
-        "accuracy_corrected": accuracy("accuracy_corrected"),
         "accuracy_ladder": as_kept("accuracy_ladder"),
         "lasting_noise": as_kept("lasting_noise"),
         "uncertainty": as_kept("uncertainty"),
