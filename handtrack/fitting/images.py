@@ -155,8 +155,7 @@ def _turns(
             np.array([0.0, 0.0, j * np.pi / 2])
         )
         x = joints @ turn.T
-        shift = shift_to_rays(x, rays)
-        shift[2] = max(shift[2], float(_BETWEEN * model.size - x[:, 2].min()))
+        shift = shift_before_camera(x, np.ones(len(x), dtype=bool), rays, model.size)
         rotation = camera.rotation.T @ turn
         translation = camera.rotation.T @ (shift - camera.translation)
         roots.append(np.concatenate([rotation.ravel(), translation]))
@@ -175,6 +174,19 @@ def shift_to_rays(points: Array, rays: Array) -> Array:
         rows[k::2, 2] = -rays[:, k]
         right[k::2] = rays[:, k] * points[:, 2] - points[:, k]
     return np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0])
+
+
+def shift_before_camera(points: Array, seen: NDArray[np.bool_], rays: Array, size: float) -> Array:
+    """(3,) `shift_to_rays` of the points seen, with all points half a hand before the camera.
+
+    Args:
+        points: (n, 3) in the camera's frame [m]; seen: (n,).
+        rays: of those that are seen.
+        size: of the hand [m].
+    """
+    shift = shift_to_rays(points[seen], rays)
+    shift[2] = max(shift[2], float(_BETWEEN * size - points[:, 2].min()))
+    return shift
 
 
 def _solve(

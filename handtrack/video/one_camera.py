@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from handtrack.calibration.calibrate import calibrate
 from handtrack.detectors.chosen import of_pictures, seen_by
 from handtrack.detectors.profile import Noise
-from handtrack.fitting.images import NOISE_PX, shift_to_rays
+from handtrack.fitting.images import NOISE_PX, shift_before_camera
 from handtrack.hand.default import SHAPES
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import without_landmarks
@@ -150,8 +150,8 @@ def poses_of_joints(views: Views, model: HandModel, settings: TrackSettings) -> 
             continue
         marks = joints[t] + model.landmarks_from_joints(angles[t], turns[t])
         own = marks @ camera.rotation.T + camera.translation
-        shift = shift_to_rays(own[seen], camera.undistorted(views.image[t, 0, seen]))
-        shift[2] = max(shift[2], 0.5 * model.size - own[:, 2].min())
+        rays = camera.undistorted(views.image[t, 0, seen])
+        shift = shift_before_camera(own, seen, rays, model.size)
         roots[t] = [*turns[t].ravel(), *(solid.translation[t] + camera.rotation.T @ shift)]
     return angles, roots
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from handtrack.cameras.camera import Camera
 from handtrack.detectors.chosen import in_pictures
-from handtrack.fitting.images import NOISE_PX, SPREAD_PX, ViewResults, shift_to_rays
+from handtrack.fitting.images import NOISE_PX, SPREAD_PX, ViewResults, shift_before_camera
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.tracking.track import Track
@@ -61,9 +61,8 @@ def place_in_view(track: Track, image: Array, camera: Camera) -> tuple[Array, Ar
     starts = np.empty((len(use), 12))
     starts[:, :9] = rotation.reshape(-1, 9)
     for i, t in enumerate(use):
-        ok = seen[t]
-        shift = shift_to_rays(joints[i, ok], camera.undistorted(image[t, ok]))
-        shift[2] = max(shift[2], 0.5 * track.model.size - joints[i, :, 2].min())
+        rays = camera.undistorted(image[t, seen[t]])
+        shift = shift_before_camera(joints[i], seen[t], rays, track.model.size)
         starts[i, 9:] = camera.rotation.T @ (shift - camera.translation)
     results = ViewResults(len(use))
     results.run(
