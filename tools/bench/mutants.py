@@ -5,9 +5,10 @@
 
 The faults stand one after another in a copy of the project, so that only what depends on one is
 compiled again. Run are the tests that mirror the module
-(tests/tracking for handtrack/tracking), then those named by --also. A fault that all of them pass
-is printed with its place: it is a hole in the tests, or makes no difference. Exit status 1 if more
-than --survive of the faults survive.
+or name it, all of its package (tests/tracking for handtrack/tracking), then those named by --also.
+A fault that all of them pass is printed with its place: it is a hole in the tests, or makes no
+difference. Tests that do not end with a fault have noticed it only if they end without: --seconds
+is to be well above what they take. Exit status 1 if more than --survive of the faults survive.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import ast
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -211,12 +213,16 @@ def mutants(places: list[str], count: int, seed: int) -> list[Mutant]:
 
 def tests_of(path: str, also: list[str]) -> Iterator[list[str]]:
     """The tests of a module, in the order in which they are run."""
-    package = Path(path).parts[1]
-    named = TESTS.get(package, [f"tests/{package}"])
-    module = f"test_{Path(path).stem}.py"
-    own = [str(p.relative_to(ROOT)) for n in named for p in (ROOT / n).rglob(module)]
-    yield from ([own] if own else []) + [[n] for n in named if (ROOT / n).exists()]
-    for name in also:
+    package, stem = Path(path).parts[1], Path(path).stem
+    named = [name for name in TESTS.get(package, [f"tests/{package}"]) if (ROOT / name).exists()]
+    files = [file for name in named for file in sorted((ROOT / name).rglob("test_*.py"))]
+    own = [file for file in files if file.name == f"test_{stem}.py"]
+    using = re.compile(rf"\b{package}(\.{stem}| import .*\b{stem})\b")
+    naming = [file for file in files if file not in own and using.search(file.read_text())]
+    for some in (own, naming):
+        if some:
+            yield [str(file.relative_to(ROOT)) for file in some]
+    for name in [*named, *also]:
         yield [name]
 
 
