@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.evaluation.bootstrap import Uncertain
+from handtrack.files.long_arrays import evenly
 
 Array = NDArray[np.float64]
 
@@ -148,8 +149,7 @@ def scatter(across: Array, up: Array, names: Sequence[str], labels: tuple[str, s
     index = np.flatnonzero(fine)
     if not len(index):
         return ""
-    if len(index) > _POINTS:
-        index = index[np.linspace(0, len(index) - 1, _POINTS).astype(int)]
+    index = evenly(index, _POINTS)
     a, b = np.log10(across[index]), np.log10(up[index])
     low, high = float(min(a.min(), b.min())) - 0.05, float(max(a.max(), b.max())) + 0.05
     height = 340.0

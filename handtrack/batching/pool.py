@@ -20,7 +20,7 @@ from handtrack.calibration.explain import explain
 from handtrack.calibration.settings import MIN_FRAMES
 from handtrack.detectors.chosen import seen_by
 from handtrack.errors import HandtrackError
-from handtrack.files.long_arrays import scratch
+from handtrack.files.long_arrays import evenly, scratch
 from handtrack.hand.hand_file import save_hand
 from handtrack.sequences.identity import repair_identity
 from handtrack.sequences.sequence import Sequence
@@ -93,8 +93,7 @@ def pools(clips: Several[Clip], settings: BatchSettings) -> list[Pool]:
         for side in sorted(sides, key=str):
             part = [clip for clip in mine if clip.hand == side]
             n = max(1, LOOKED_AT // len(sides))
-            index = np.unique(np.linspace(0, len(part) - 1, min(n, len(part))).astype(int))
-            chosen += [part[i] for i in index]
+            chosen += [part[i] for i in evenly(np.arange(len(part)), n)]
         told = [settings.of_hand(), [[c.path, c.name, c.stamp, c.told()] for c in chosen]]
         made.append(Pool(subject, tuple(chosen), digest(told)))
     return made
@@ -194,7 +193,7 @@ def best_clips(sequences: Several[Sequence], most: int) -> list[Sequence]:
     worth = np.array([_worth(s) for s in sequences])
     first = np.argsort(-worth, kind="stable")[: most // 2]
     rest = np.setdiff1d(np.arange(len(sequences)), first)
-    even = rest[np.linspace(0, len(rest) - 1, most - len(first)).astype(int)]
+    even = evenly(rest, most - len(first))
     return [sequences[i] for i in np.sort(np.concatenate([first, even]))]
 
 

@@ -14,6 +14,8 @@ from handtrack.calibration.chains import SIZE, Chains
 from handtrack.calibration.frames import Material, excerpt, poses_of, sound
 from handtrack.calibration.split import Split, residuals, split_of
 from handtrack.errors import InputError
+from handtrack.files.long_arrays import evenly
+from handtrack.fitting import solver
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import without_landmarks
 from handtrack.sequences.sequence import Sequence
@@ -84,6 +86,55 @@ _NOISE = 1e-3
 _TOLERANCE = 1e-3
 # no pose is expected, and no limit holds
 _ANY = np.full(4, 1e3)
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What of a clip a hand is judged by.
+
+    Attributes:
+        model: the hand, of joint centres.
+        material, fits: all frames that can be used, (T, 21, 3) as seen, and the hand in them.
+        sound: which are fitted, and not very much worse than most.
+        index: some of these, evenly spread.
+        joints, seen: there, (F, 21, 3) [m] and (F, 21).
+    """
+
+    model: HandModel
+    material: Material
+    fits: solver.Results
+    sound: NDArray[np.int64]
+    index: NDArray[np.int64]
+    joints: Array
+    seen: NDArray[np.bool_]
+
+    @staticmethod
+    def at(model: HandModel, sequence: Sequence, frames: int) -> Look:
+        """At most so many frames of a sequence."""
+        sequence = excerpt(sequence)
+        if model.has_landmarks:
+            sequence, model = centred(model, sequence), without_landmarks(model)
+        material = Material.of(sequence, smooth=False)
+        fits = material.fitted(model)
+        good = sound(fits, material.weights)
+        index = evenly(good, frames)
+        joints = material.joints[index]
+        return Look(model, material, fits, good, index, joints, np.isfinite(joints[..., 0]))
+
+    @property
+    def chains(self) -> Chains:
+        """Its bones; no pose is expected, and no limit holds."""
+        return Chains.of(self.model, _ANY, np.inf)
+
+    @property
+    def start(self) -> Poses:
+        """The fitted poses."""
+        return poses_of(self.model, self.fits, self.index)
+
+    def clip(self, basis: Array) -> Clip:
+        """The frames for `solve`, with what may change of the hand."""
+        targets, weights = np.nan_to_num(self.joints), self.seen.astype(np.float64)
+        return Clip(self.chains, targets, weights, np.zeros((5, SIZE)), basis, _NOISE)
 
 
 @dataclass(frozen=True)
@@ -167,12 +218,8 @@ def explain(
         InputError: no sequence has a frame with at least 12 joints.
     """
     given = [sequences] if isinstance(sequences, Sequence) else list(sequences)
-    given = [excerpt(sequence) for sequence in given]
-    if model.has_landmarks:
-        given = [centred(model, s) for s in given]
-        model = without_landmarks(model)
-    parts = [_explained(model, Material.of(s, smooth=False), frames) for s in given]
-    parts = [part for part in parts if len(part[0])]
+    looks = (Look.at(model, sequence, frames) for sequence in given)
+    parts = [_explained(look) for look in looks if len(look.material)]
     if not parts:
         where = given[0].source if given else ""
         raise InputError("no frame has 12 joints, so the hand is not explained", where or None)
@@ -187,33 +234,21 @@ def explain(
     )
 
 
-def _explained(
-    model: HandModel, material: Material, frames: int
-) -> tuple[Array, Array, Array, int, Array]:
+def _explained(look: Look) -> tuple[Array, Array, Array, int, Array]:
     """Distances of all joints seen in a clip, three times, the number of frames, and the residuals
     of all frames that are sound, by bones; NaN in others."""
+    model, fits, sound = look.model, look.fits, look.sound
+    off = np.full_like(look.material.joints, np.nan)
+    turn = fits.roots[sound, :9].reshape(-1, 3, 3)
+    away = look.material.joints[sound] - fits.joints[sound]
+    off[sound] = residuals(model, fits.angles[sound], turn, away)
+    fitted = np.linalg.norm(fits.joints[look.index] - look.joints, axis=-1)[look.seen]
     nothing = np.zeros(0)
-    if not len(material):
-        return nothing, nothing, nothing, 0, np.zeros((0, 21, 3))
-    fits = material.fitted(model)
-    index = sound(fits, material.weights)
-    off = np.full_like(material.joints, np.nan)
-    turn = fits.roots[index, :9].reshape(-1, 3, 3)
-    away = material.joints[index] - fits.joints[index]
-    off[index] = residuals(model, fits.angles[index], turn, away)
-    if len(index) > frames:
-        index = index[np.linspace(0, len(index) - 1, frames).astype(np.int64)]
-    joints = material.joints[index]
-    seen = np.isfinite(joints[..., 0])
-    targets, weights = np.nan_to_num(joints), seen.astype(np.float64)
-    fitted = np.linalg.norm(fits.joints[index] - joints, axis=-1)[seen]
-    start = poses_of(model, fits, index)
-    none = np.zeros((5 * SIZE, 0)), np.zeros((0, 0))
-    chains = Chains.of(model, _ANY, np.inf)
-    clip = Clip(chains, targets, weights, np.zeros((5, SIZE)), none[0], _NOISE)
-    free = solve([clip], none[1], nothing, [start], tolerance=_TOLERANCE)
-    unlimited = clip.distances(nothing, free.poses[0])[seen]
-    return fitted, unlimited, _bound(model, targets, seen, start), len(index), off
+    clip = look.clip(np.zeros((5 * SIZE, 0)))
+    free = solve([clip], np.zeros((0, 0)), nothing, [look.start], tolerance=_TOLERANCE)
+    unlimited = clip.distances(nothing, free.poses[0])[look.seen]
+    bound = _bound(model, clip.targets, look.seen, look.start)
+    return fitted, unlimited, bound, len(look.index), off
 
 
 def _bound(model: HandModel, targets: Array, seen: NDArray[np.bool_], start: Poses) -> Array:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from handtrack.calibration.bundle import Poses
 from handtrack.calibration.noise import smoothed, white_noise
-from handtrack.files.long_arrays import rows_of
+from handtrack.files.long_arrays import evenly, rows_of
 from handtrack.fitting import solver
 from handtrack.hand.model import HandModel
 from handtrack.sequences.sequence import Sequence
@@ -70,9 +70,7 @@ class Material:
         if smooth:
             joints, left = smoothed(sequence.time_ns, joints, noise)
         usable = np.flatnonzero(np.isfinite(joints[..., 0]).sum(1) >= MIN_SEEN)
-        keep = usable
-        if len(usable) > MOST:
-            keep = usable[np.linspace(0, len(usable) - 1, MOST).astype(np.int64)]
+        keep = evenly(usable, MOST)
         joints = joints[keep]
         weights = np.where(np.isfinite(joints[..., 0]), sequence.confidence[keep], 0.0)
         time_ns = sequence.time_ns[keep]
@@ -138,8 +136,8 @@ def chosen(results: solver.Results, weights: Array, most: int) -> NDArray[np.int
         taken.append(int(apart.argmax()))
         apart = np.minimum(apart, np.square(poses - poses[taken[-1]]).sum(1))
     others = np.setdiff1d(np.arange(len(index)), taken)
-    even = np.linspace(0, len(others) - 1, most - len(taken)).astype(np.int64)
-    return np.sort(index[np.concatenate([taken, others[even]])])
+    even = evenly(others, most - len(taken))
+    return np.sort(index[np.concatenate([taken, even])])
 
 
 def poses_of(model: HandModel, results: solver.Results, index: NDArray[np.int64]) -> Poses:

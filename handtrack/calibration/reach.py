@@ -5,14 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.calibration.bundle import Clip, solve
-from handtrack.calibration.centres import centred
-from handtrack.calibration.chains import SIZE, Chains
-from handtrack.calibration.explain import FRAMES, Residual
-from handtrack.calibration.frames import Material, excerpt, poses_of, sound
+from handtrack.calibration.bundle import solve
+from handtrack.calibration.explain import FRAMES, Look, Residual
 from handtrack.calibration.freedoms import freedoms
 from handtrack.hand.model import HandModel
-from handtrack.hand.reshape import without_landmarks
 from handtrack.sequences.sequence import Sequence
 
 Array = NDArray[np.float64]
@@ -21,10 +17,6 @@ Array = NDArray[np.float64]
 _STEPS = 4
 # of what people differ by, a prior this weak only keeps what nothing observes
 _WEAK = 1e-2
-# noise of the joints [m]
-_NOISE = 1e-3
-# no pose is expected, and no limit holds
-_ANY = np.full(4, 1e3)
 
 
 def reach(model: HandModel, sequence: Sequence, method: str, frames: int = FRAMES) -> Residual:
@@ -39,27 +31,10 @@ def reach(model: HandModel, sequence: Sequence, method: str, frames: int = FRAME
         method: of `calibrate`: "lengths" or "full".
         frames: how many to look at.
     """
-    given = excerpt(sequence)
-    if model.has_landmarks:
-        given, model = centred(model, given), without_landmarks(model)
-    material = Material.of(given, smooth=False)
-    fits = material.fitted(model)
-    index = sound(fits, material.weights)
-    if len(index) > frames:
-        index = index[np.linspace(0, len(index) - 1, frames).astype(np.int64)]
-    joints = material.joints[index]
-    seen = np.isfinite(joints[..., 0])
-    chains = Chains.of(model, _ANY, np.inf)
-    moves = freedoms(chains, np.full((5, 4), method != "lengths"))
-    clip = Clip(
-        chains,
-        np.nan_to_num(joints),
-        seen.astype(np.float64),
-        np.zeros((5, SIZE)),
-        moves.basis,
-        _NOISE,
-    )
+    look = Look.at(model, sequence, frames)
+    moves = freedoms(look.chains, np.full((5, 4), method != "lengths"))
+    clip = look.clip(moves.basis)
     weak = _WEAK * moves.precision
-    start = [poses_of(model, fits, index)]
+    start = [look.start]
     found = solve([clip], weak, np.zeros(moves.n), start, max_steps=_STEPS, tolerance=0.0)
-    return Residual.of(clip.distances(found.free, found.poses[0])[seen])
+    return Residual.of(clip.distances(found.free, found.poses[0])[look.seen])

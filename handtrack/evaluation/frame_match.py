@@ -16,6 +16,7 @@ from handtrack.errors import InputError
 from handtrack.evaluation.alignment import pa_mpjpe
 from handtrack.evaluation.arrays import Array
 from handtrack.evaluation.matching import LOOK, typical
+from handtrack.files.long_arrays import evenly
 
 Indices = NDArray[np.int64]
 
@@ -221,8 +222,8 @@ def rate_problem(
         return ""
     errors = []
     for left, right in ((i, j), _by_time(estimate.time_ns, truth.time_ns)):
-        some = np.linspace(0, len(left) - 1, min(LOOK, len(left))).astype(int)
-        errors.append(typical(pa_mpjpe(estimate_joints[left[some]], truth_joints[right[some]])))
+        left, right = evenly(left, LOOK), evenly(right, LOOK)
+        errors.append(typical(pa_mpjpe(estimate_joints[left], truth_joints[right])))
     fits = errors[0] < 0.5 * errors[1]
     if by == "frame":
         return "" if fits else wrong

@@ -7,6 +7,7 @@ import numpy as np
 
 from handtrack.evaluation.alignment import pa_mpjpe, reflection_pa_mpjpe
 from handtrack.evaluation.arrays import Array, nan_mean
+from handtrack.files.long_arrays import evenly
 from handtrack.hand.skeleton import N_JOINTS
 from handtrack.sequences.skeleton_check import Picks, orders_of
 
@@ -39,7 +40,7 @@ def truth_problem(estimate: Array, truth: Array) -> str:
     frames = np.flatnonzero(both.sum(1) >= 4)
     if not len(frames):
         return ""
-    frames = frames[np.linspace(0, len(frames) - 1, min(LOOK, len(frames))).astype(int)]
+    frames = evenly(frames, LOOK)
     common = both[frames][..., None]
     a, b = np.where(common, estimate[frames], np.nan), np.where(common, truth[frames], np.nan)
     size_a, size_b = _size(a), _size(b)

@@ -168,6 +168,14 @@ def rows_of(array: NDArray[Any], places: NDArray[np.int64]) -> NDArray[Any]:
     return out
 
 
+def evenly(rows: NDArray[Any], most: int) -> NDArray[Any]:
+    """At most so many of them, evenly spread from the first to the last; all where these are no
+    more."""
+    if len(rows) <= most:
+        return rows
+    return rows[np.linspace(0, len(rows) - 1, most).astype(np.int64)]
+
+
 class GrowingTexts:
     """Short texts, one after another, many of them the same."""
 

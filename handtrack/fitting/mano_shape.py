@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
+from handtrack.files.long_arrays import evenly
 from handtrack.fitting.fit import fit_batch
 from handtrack.hand.limits import DEFAULT_LIMITS, Limits
 from handtrack.hand.mano import MANO
@@ -71,7 +72,7 @@ def mano_shape(mano: MANO, sequence: Sequence, limits: Limits | str = DEFAULT_LI
     if len(good) < _MIN_FRAMES:
         raise InputError(f"{len(good)} frames have {_SEEN} joints, {_MIN_FRAMES} are needed", where)
     # evenly over the sequence
-    good = good[np.unique(np.linspace(0, len(good) - 1, _FRAMES).round().astype(int))]
+    good = evenly(good, _FRAMES)
     joints = sequence.joints[good]
     betas = np.zeros(mano.shape_basis.shape[-1])
     for _ in range(_ROUNDS):

@@ -7,7 +7,7 @@ from collections.abc import Sequence as Items
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.files.long_arrays import blocks, by_blocks
+from handtrack.files.long_arrays import blocks, by_blocks, evenly
 from handtrack.sequences.readers.raw import Array
 
 Mask = NDArray[np.bool_]
@@ -107,7 +107,7 @@ def _zeros(joints: Array, missing: Mask) -> Mask:
     if not len(always) or not some.any():
         return at
     frames = np.flatnonzero(some)
-    frames = frames[np.linspace(0, len(frames) - 1, min(_LOOK, len(frames))).astype(np.int64)]
+    frames = evenly(frames, _LOOK)
     distances = [_radii(joints[t][there[t] & ~at[t]], np.zeros(3)) for t in frames]
     if not np.median(distances) <= _FAR:
         return at

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.files.long_arrays import by_blocks, rows_of
+from handtrack.files.long_arrays import by_blocks, evenly, rows_of
 from handtrack.sequences.readers.raw import Array
 
 _TRIED = 8
@@ -33,11 +33,11 @@ def some_frames(joints: Array, most: int, least: int) -> NDArray[np.int64]:
     """
     tried = np.arange(len(joints))
     if len(joints) > _TRIED * most:
-        tried = _spread(tried, _TRIED * most)
+        tried = evenly(tried, _TRIED * most)
     found = _having(joints, tried, least)
     if len(found) < most and len(tried) < len(joints):
         found = _having(joints, np.arange(len(joints)), least)
-    return _spread(found, most)
+    return evenly(found, most)
 
 
 def _having(joints: Array, frames: NDArray[np.int64], least: int) -> NDArray[np.int64]:
@@ -45,9 +45,3 @@ def _having(joints: Array, frames: NDArray[np.int64], least: int) -> NDArray[np.
         return np.asarray(there(rows_of(joints, rows)).sum(1))
 
     return frames[by_blocks(counted, frames) >= least] if len(frames) else frames
-
-
-def _spread(frames: NDArray[np.int64], most: int) -> NDArray[np.int64]:
-    if len(frames) <= most:
-        return frames
-    return frames[np.linspace(0, len(frames) - 1, most).astype(np.int64)]

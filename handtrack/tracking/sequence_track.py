@@ -16,7 +16,7 @@ from handtrack.deprecated import old_positions
 from handtrack.detectors.chosen import AUTO, seen_by, why
 from handtrack.detectors.profile import Profile
 from handtrack.errors import InputError
-from handtrack.files.long_arrays import release
+from handtrack.files.long_arrays import evenly, release
 from handtrack.fitting.fit import fit_batch
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_JOINTS
@@ -169,7 +169,7 @@ def _lasting(
     whole = np.flatnonzero(np.isfinite(sequence.joints).all((1, 2)))
     if not hand.has_landmarks or not whole.size:
         return {}
-    pick = whole[np.unique(np.linspace(0, len(whole) - 1, _LASTING).astype(int))]
+    pick = evenly(whole, _LASTING)
     fits = fit_batch(hand, sequence.joints[pick])
     found = lasting_errors(hand, profile.noise, open_rest, fits.angles)
     return {
