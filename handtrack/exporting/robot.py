@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.hand.capsules import bone_joints, capsule_radii
+from handtrack.hand.capsule_shapes import Capsule, joint_capsules
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import (
     ANGLE_JOINT,
@@ -56,19 +56,6 @@ class Hinge(NamedTuple):
     share: float = 0.0
 
 
-class Capsule(NamedTuple):
-    """A cylinder with two halves of a ball at its ends.
-
-    Attributes:
-        first, last: (3,) ends of its axis, in the link's frame [m].
-        radius: [m].
-    """
-
-    first: Array
-    last: Array
-    radius: float
-
-
 class Link(NamedTuple):
     """A rigid body.
 
@@ -99,7 +86,7 @@ class Link(NamedTuple):
 def links(model: HandModel) -> list[Link]:
     """The hand's 21 links, parents first: 16 that move and 5 tips."""
     meshes = part_meshes(model)
-    capsules = _capsules(model)
+    capsules = joint_capsules(model)
     out = []
     for joint, name in enumerate(JOINT_NAMES):
         tip, parent = joint in TIPS, int(PARENTS[joint])
@@ -130,18 +117,6 @@ def _hinges(model: HandModel, joint: int) -> tuple[Hinge, ...]:
         along = bone / np.linalg.norm(bone)
         made.append(Hinge(TWIST, along, lower, upper, made[1].name, model.thumb_twist))
     return tuple(made)
-
-
-def _capsules(model: HandModel) -> list[tuple[Capsule, ...]]:
-    """Each joint's capsules: of the bone behind it, and of the palm's four for the wrist."""
-    made: list[list[Capsule]] = [[] for _ in JOINT_NAMES]
-    rest = model.rest_joints
-    for (first, last), radius in zip(bone_joints(), capsule_radii(model), strict=True):
-        along = rest[last] - rest[first]
-        if last in TIPS:  # the fingertip is where the skin ends: the axis ends a radius before it
-            along = along * max(1 - radius / float(np.linalg.norm(along)), 0.0)
-        made[first].append(Capsule(np.zeros(3), along, float(radius)))
-    return [tuple(capsules) for capsules in made]
 
 
 def _mass(capsules: tuple[Capsule, ...]) -> tuple[float, Array, Array]:

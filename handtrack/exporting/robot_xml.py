@@ -7,7 +7,8 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.exporting.robot import SPEED, TORQUE, Capsule, Hinge, Link
+from handtrack.exporting.robot import SPEED, TORQUE, Hinge, Link
+from handtrack.hand.capsule_shapes import SKIN_RGBA, add_capsule, add_skin_material, numbers
 
 Array = NDArray[np.float64]
 
@@ -15,7 +16,6 @@ DAMPING = 0.02
 """Of a hinge [N m s/rad]: lets it come to rest without ringing."""
 _LIGHT = 1e-4
 """Mass of a body that only stands between two hinges [kg]; simulators take none of nothing."""
-_COLOUR = "0.886 0.698 0.58 1"
 
 
 def urdf(name: str, links: list[Link], base: str, meshes: dict[str, str]) -> ElementTree[Element]:
@@ -34,8 +34,7 @@ def urdf(name: str, links: list[Link], base: str, meshes: dict[str, str]) -> Ele
     # MuJoCo's own: keep the tips' frames, the meshes and their folder
     options = {"fusestatic": "false", "discardvisual": "false", "strippath": "false"}
     SubElement(SubElement(robot, "mujoco"), "compiler", options)
-    material = SubElement(robot, "material", name="skin")
-    SubElement(material, "color", rgba=_COLOUR)
+    add_skin_material(robot)
     if base != links[0].name:
         SubElement(robot, "link", name=base)
         _joint(robot, f"{base}_to_{links[0].name}", "floating", base, links[0].name, np.zeros(3))
@@ -53,11 +52,6 @@ def urdf(name: str, links: list[Link], base: str, meshes: dict[str, str]) -> Ele
             _joint(robot, f"{link.name}_fixed", "fixed", parent, link.name, offset)
     indent(robot)
     return ElementTree(robot)
-
-
-def numbers(values: Array | tuple[float, ...]) -> str:
-    """Values as text, with more digits than float32 holds."""
-    return " ".join(f"{x:.9g}" for x in np.asarray(values, np.float64).ravel() + 0.0)
 
 
 def _joint(robot: Element, name: str, kind: str, parent: str, child: str, offset: Array) -> Element:
@@ -99,9 +93,9 @@ def _link(robot: Element, link: Link, mesh: str | None) -> None:
         SubElement(SubElement(visual, "geometry"), "mesh", filename=mesh)
         SubElement(visual, "material", name="skin")
     for capsule in link.capsules:
-        _capsule(made, "collision", capsule)
+        add_capsule(made, "collision", capsule)
         if not mesh:
-            _capsule(made, "visual", capsule)
+            add_capsule(made, "visual", capsule)
 
 
 def _inertial(link: Element, mass: float, centre: Array, inertia: Array) -> None:
@@ -111,30 +105,6 @@ def _inertial(link: Element, mass: float, centre: Array, inertia: Array) -> None
     ends = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2)}
     ends["izz"] = (2, 2)
     SubElement(inertial, "inertia", {k: numbers((inertia[at],)) for k, at in ends.items()})
-
-
-def _capsule(link: Element, kind: str, capsule: Capsule) -> None:
-    along, radius = capsule.last - capsule.first, numbers((capsule.radius,))
-    length = float(np.linalg.norm(along))
-    pieces: list[tuple[str, Array, Array, dict[str, str]]] = [
-        ("sphere", end, np.zeros(3), {"radius": radius}) for end in (capsule.first, capsule.last)
-    ]
-    middle = (capsule.first + capsule.last) / 2
-    tube = {"radius": radius, "length": numbers((length,))}
-    if length:
-        pieces.append(("cylinder", middle, _roll_pitch_yaw(along / length), tube))
-    for shape, origin, turn, size in pieces:
-        made = SubElement(link, kind)
-        SubElement(made, "origin", xyz=numbers(origin), rpy=numbers(turn))
-        SubElement(SubElement(made, "geometry"), shape, size)
-        if kind == "visual":
-            SubElement(made, "material", name="skin")
-
-
-def _roll_pitch_yaw(along: Array) -> Array:
-    """Angles of Rz(yaw) Ry(pitch) Rx(roll) that bring z to a direction."""
-    x, y, z = along
-    return np.array([0.0, np.arctan2(np.hypot(x, y), z), np.arctan2(y, x)])
 
 
 _ARMATURE = 1e-4
@@ -159,7 +129,7 @@ def mjcf(
     SubElement(root, "compiler", angle="radian", autolimits="true")
     SubElement(root, "option", integrator="implicitfast")
     assets = SubElement(root, "asset")
-    SubElement(assets, "material", name="skin", rgba="0.886 0.698 0.58 1")
+    SubElement(assets, "material", name="skin", rgba=SKIN_RGBA)
     for name, file in meshes.items():
         SubElement(assets, "mesh", name=name, file=file, inertia="shell")
     world = SubElement(root, "worldbody")

@@ -23,7 +23,8 @@ SKIN = (226, 178, 148)
 """Its colour, red, green, blue."""
 _POINT = 29  # bytes of a Point3 in a list: tag, length, three tagged doubles
 _LOG_LEVEL = {"info": 2, "warning": 3}
-_PART_PARENT = np.array([0] + [0 if i == 0 else 3 * f + i for f in range(5) for i in range(3)])
+PART_PARENT = np.array([0] + [0 if i == 0 else 3 * f + i for f in range(5) for i in range(3)])
+"""(16,) the part that each one hangs on; the palm on itself."""
 
 
 def cloud_rows(times: Times, points: Array, frame_id: str = "world") -> Rows:
@@ -68,7 +69,7 @@ class TransformEncoder:
         root = _transform("world", topic, Layout().slot("translation", 27), "root")
         self._layout = Layout().field(1, root)
         for part, name in enumerate(names):
-            parent = int(_PART_PARENT[part])
+            parent = int(PART_PARENT[part])
             offset = joints[part] - joints[parent] if part else joints[0]
             fixed = Layout(tagged(offset[None]).tobytes())
             transform = _transform(names[parent] if part else topic, name, fixed, str(part))
@@ -81,7 +82,7 @@ class TransformEncoder:
         known = np.asarray(np.isfinite(np.hstack([angles, quaternion, translation])).all(1))
         with np.errstate(invalid="ignore"):
             rotations = self._model.rotations(np.where(known[:, None], angles, 0.0))
-            parents = rotations[:, _PART_PARENT]
+            parents = rotations[:, PART_PARENT]
             local = matrix_to_quaternion(np.swapaxes(parents, -1, -2) @ rotations)
         values = {str(part): tagged(_xyzw(local[:, part])) for part in range(N_PARTS)}
         values |= {"root": tagged(_xyzw(quaternion)), "translation": tagged(translation)}
@@ -152,10 +153,10 @@ def joint_state_rows(times: Times, angles: Array) -> Rows:
         times: (n,) log times [ns].
         angles: (n, 20) [rad].
     """
-    body = Layout().slot("seconds", 4).slot("nanos", 4).constant(_cdr_string(""))
+    body = Layout().slot("seconds", 4).slot("nanos", 4).constant(cdr_string(""))
     _align(body, 4).constant(N_ANGLES.to_bytes(4, "little"))
     for name in ANGLE_NAMES:
-        _align(body, 4).constant(_cdr_string(name))
+        _align(body, 4).constant(cdr_string(name))
     _align(body, 4).constant(N_ANGLES.to_bytes(4, "little"))
     _align(body, 8).slot("position", 8 * N_ANGLES)
     body.constant(bytes(8))  # no velocities, no efforts
@@ -172,7 +173,8 @@ def joint_state_rows(times: Times, angles: Array) -> Rows:
     return Rows.whole(rows)
 
 
-def _cdr_string(value: str) -> bytes:
+def cdr_string(value: str) -> bytes:
+    """A string in CDR."""
     data = value.encode() + b"\0"
     return len(data).to_bytes(4, "little") + data
 

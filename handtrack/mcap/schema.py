@@ -39,6 +39,25 @@ uint32 nanosec
 """ROS 2's definition of a JointState with what it refers to."""
 
 
+ROS2_DEFINITIONS = {JOINT_STATE_NAME: JOINT_STATE_ROS2, "std_msgs/msg/String": "string data\n"}
+"""Of the messages that are ROS 2's, in CDR; all others are protobuf."""
+
+HAND_SCHEMAS = {
+    "model": "handtrack.Hand",
+    "state": "handtrack.State",
+    "event": "handtrack.Event",
+    "observed": "foxglove.PointCloud",
+    "fitted": "foxglove.PointCloud",
+    "mesh": "foxglove.PointCloud",
+    "skin": "foxglove.SceneUpdate",
+    "transforms": "foxglove.FrameTransforms",
+    "joint_states": JOINT_STATE_NAME,
+    "robot_description": "std_msgs/msg/String",
+    "log": "foxglove.Log",
+}
+"""Of each topic of a hand."""
+
+
 @cache
 def _compiled() -> FileDescriptorSet:
     from google.protobuf.descriptor_pb2 import FileDescriptorSet

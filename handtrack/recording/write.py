@@ -26,7 +26,8 @@ from handtrack.mcap.frames import Frames, Rows, Times
 from handtrack.mcap.hand import Event, Head, encode_event, encode_hand, hand_topics, text
 from handtrack.mcap.hands import METADATA
 from handtrack.mcap.part_skin import PartSkinEncoder
-from handtrack.mcap.schema import JOINT_STATE_NAME, JOINT_STATE_ROS2, descriptor_set
+from handtrack.mcap.robot_description import robot_description
+from handtrack.mcap.schema import HAND_SCHEMAS, ROS2_DEFINITIONS, descriptor_set
 from handtrack.mcap.state import state_rows
 from handtrack.mcap.stream import McapStream
 from handtrack.recording.settings import MeshChoice, RecordingSettings
@@ -39,20 +40,6 @@ BATCH = 128
 """Frames encoded at a time: bounds the memory that meshes take."""
 CHUNK_BYTES = 224 * 1024
 """A chunk ends with the frame that fills it: mostly at 256 KiB."""
-
-# subtopic -> schema
-_TOPICS = {
-    "model": "handtrack.Hand",
-    "state": "handtrack.State",
-    "event": "handtrack.Event",
-    "observed": "foxglove.PointCloud",
-    "fitted": "foxglove.PointCloud",
-    "mesh": "foxglove.PointCloud",
-    "skin": "foxglove.SceneUpdate",
-    "transforms": "foxglove.FrameTransforms",
-    "joint_states": JOINT_STATE_NAME,
-    "log": "foxglove.Log",
-}
 
 Source = tuple[int, Iterator[Frames]]
 """A hand's number, and messages of it in order of time."""
@@ -172,7 +159,10 @@ class RecordingWriter:
         self._record(f"{METADATA}/{topic}", values)
         hand = HandWriter(self, index, topic, head)
         self._hands[topic] = hand
-        self.stream.message(hand.channel["model"], max(first_ns - self.offset, 0), 0, data)
+        begin = max(first_ns - self.offset, 0)
+        self.stream.message(hand.channel["model"], begin, 0, data)
+        drawn = robot_description(topic, head.model)
+        self.stream.message(hand.channel["robot_description"], begin, 0, drawn)
         return hand
 
     def _record(self, name: str, values: dict[str, str]) -> None:
@@ -181,9 +171,9 @@ class RecordingWriter:
 
     def register(self, topic: str, schema: str) -> int:
         """The channel of a new topic."""
-        ros2 = schema == JOINT_STATE_NAME
+        ros2 = ROS2_DEFINITIONS.get(schema)
         if schema not in self._schemas:
-            data = JOINT_STATE_ROS2.encode() if ros2 else descriptor_set(schema)
+            data = ros2.encode() if ros2 else descriptor_set(schema)
             encoding = "ros2msg" if ros2 else "protobuf"
             self._schemas[schema] = self.stream.schema(schema, encoding, data)
         return self.stream.channel(topic, "cdr" if ros2 else "protobuf", self._schemas[schema])
@@ -240,7 +230,7 @@ class HandWriter:
         wanted = {"mesh": skin, "skin": scene or pieces}
         self.channel = {
             name: writer.register(f"/{topic}/{name}", schema)
-            for name, schema in _TOPICS.items()
+            for name, schema in HAND_SCHEMAS.items()
             if wanted.get(name, True)
         }
         self._model = head.model

@@ -6,6 +6,7 @@ import dataclasses
 import struct
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -44,6 +45,7 @@ def test_topics_and_schemas(found: Messages, track: Track) -> None:
         "/right/skin": 1,
         "/right/transforms": known,
         "/right/joint_states": n,
+        "/right/robot_description": 1,
         "/right/log": 4,
     }
     schemas = {topic.rpartition("/")[2]: rows[0][1] for topic, rows in found.items()}
@@ -57,9 +59,11 @@ def test_topics_and_schemas(found: Messages, track: Track) -> None:
         "skin": "foxglove.SceneUpdate",
         "transforms": "foxglove.FrameTransforms",
         "joint_states": "sensor_msgs/msg/JointState",
+        "robot_description": "std_msgs/msg/String",
         "log": "foxglove.Log",
     }
     assert schemas["joint_states"].encoding == "ros2msg"
+    assert schemas["robot_description"].encoding == "ros2msg"
     assert {s.encoding for s in schemas.values()} == {"protobuf", "ros2msg"}
     for topic, rows in found.items():
         if topic.rpartition("/")[2] in ("state", "observed", "mesh", "joint_states"):
@@ -142,6 +146,40 @@ def test_transforms_lead_from_the_world_to_every_part(found: Messages, track: Tr
             joint = track.filtered_joints[known[i], PART_JOINT[part]]
             np.testing.assert_allclose(at, joint, atol=1e-12)
         np.testing.assert_allclose(frames["right"][1], track.translation[known[i]])
+
+
+def test_a_robot_whose_capsules_are_the_bones(found: Messages, track: Track) -> None:
+    ((time, schema, data),) = found["/right/robot_description"]
+    assert (time, schema.data) == (0, b"string data\n")
+    assert data[:4] == b"\0\1\0\0"
+    assert int.from_bytes(data[4:8], "little") == len(data) - 8
+    assert data.endswith(b"</robot>\0")
+    robot = ElementTree.fromstring(data[8:-1])
+    frames = {"right", *(f"right/{name}" for name in PART_NAMES)}
+    assert [link.get("name") for link in robot.iter("link")][1:] == sorted(
+        frames - {"right"}, key=lambda name: PART_NAMES.index(name[6:])
+    )
+    (message, *_) = decoded(found, "/right/transforms")
+    parents = {t.child_frame_id: t.parent_frame_id for t in message.transforms}
+    for joint in robot.iter("joint"):
+        child, parent = joint.find("child"), joint.find("parent")
+        assert child is not None
+        assert parent is not None
+        assert parents[child.get("link", "")] == parent.get("link")
+    # each capsule is two balls and the tube between: from a part's joint along its bone
+    rest = track.model.rest_joints
+    for part, joint in enumerate(PART_JOINT):
+        shapes = robot.findall(f"link[@name='right/{PART_NAMES[part]}']/visual")
+        assert len(shapes) == (3 if part else 12)
+        for k in range(0, len(shapes), 3):
+            begin, end = (
+                np.array(shapes[k + i].find("origin").get("xyz").split(), float) for i in (0, 1)
+            )
+            np.testing.assert_array_equal(begin, 0)
+            bone = rest[(5, 9, 13, 17)[k // 3] if part == 0 else joint + 1] - rest[joint]
+            assert 0.4 * np.linalg.norm(bone) < np.linalg.norm(end)
+            np.testing.assert_allclose(np.cross(bone, end), 0, atol=1e-9)
+            assert end @ bone > 0
 
 
 class Cdr:
