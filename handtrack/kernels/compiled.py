@@ -27,6 +27,8 @@ import numba
 from llvmlite import ir
 from numba import types
 from numba.core.caching import FunctionCache
+from numba.core.ccallback import CFunc
+from numba.core.runtime.nrt import rtsys
 from numba.extending import intrinsic
 
 from handtrack.kernels.workspace import WORK
@@ -69,10 +71,22 @@ def _source(module: str) -> str:
     return inspect.getsource(sys.modules[module])
 
 
+class _Store(FunctionCache):
+    """numba's cache, without all that numba loads to compile: kept code does not need it.
+
+    numba fills its tables of what can be compiled before it looks into its cache, which takes
+    longer than all the rest of loading; the compiler fills them by itself where code is missing.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        rtsys.initialize(target_context)  # names that machine code of arrays refers to
+        return self._load_overload(sig, target_context)
+
+
 def _store(function: Callable[..., Any]) -> Any:
     """Where the function's machine code is kept; None where no folder can be written to."""
     try:
-        return FunctionCache(function)
+        return _Store(function)
     except RuntimeError:
         return None
 
@@ -81,7 +95,11 @@ def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls, without the GIL."""
     options: Any = {"no_cfunc_wrapper": True, **_OPTIONS}
     function = _versioned(function)
-    return numba.njit(cache=_store(function) is not None, nogil=True, **options)(function)
+    compiled: Any = numba.njit(nogil=True, **options)(function)
+    store = _store(function)
+    if store is not None:
+        compiled._cache = store
+    return compiled
 
 
 def inline(function: Callable[..., Any]) -> Any:
@@ -114,9 +132,12 @@ class Solver:
     @cached_property
     def address(self) -> int:
         """Where its machine code is; loads it from the cache, or compiles it."""
-        cache = _store(self.function) is not None
+        compiled: Any = CFunc(self.function, ((_RECORD,), types.void), {}, _OPTIONS)
+        store = _store(self.function)
+        if store is not None:
+            compiled._cache = store
         with uncollected():
-            compiled = numba.cfunc(types.void(_RECORD), cache=cache, **_OPTIONS)(self.function)
+            compiled.compile()
         self._keep = compiled  # the code lives as long as this object
         address: Any = compiled.address
         return int(address)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from numba import njit
@@ -35,7 +38,7 @@ def test_a_solver_runs_with_and_without_a_folder_for_its_code(folder, monkeypatc
         def refuse(function):
             raise RuntimeError("cannot cache function: no locator available")
 
-        monkeypatch.setattr(compiled, "FunctionCache", refuse)
+        monkeypatch.setattr(compiled, "_Store", refuse)
     solver = compiled.Solver(fresh())
     assert solver.__doc__ == fresh().__doc__
     assert not (folder and solver.ready)
@@ -65,3 +68,20 @@ def test_names_follow_all_sources_that_code_is_made_of(monkeypatch):
     changed = li2021  # newton does not
     assert name() == before
     compiled._source.cache_clear()
+
+
+def test_kept_code_runs_without_all_that_compiling_needs():
+    """Loading numba's compiler took longer than a clip; what is compiled later still compiles."""
+    later = "numba.njit(lambda a: np.sum(np.dot(a, a)))(np.ones((2, 2)))"
+    lines = [
+        "import sys, numba, numpy as np",
+        "from handtrack.kernels.limits import clamp_all",
+        "clamp_all(-np.ones(20), np.ones(20), np.zeros((1, 20)))",
+        "print('numba.np.arraymath' in sys.modules, 'scipy.linalg' in sys.modules)",
+        f"print({later})",
+    ]
+    code = "\n".join(lines)
+    for _ in range(2):  # the first one may compile
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    assert done.stdout.split("\n")[:2] == ["False False", "8.0"]
