@@ -6,6 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.names import (
@@ -23,7 +26,8 @@ from handtrack.sequences.names import (
     settle,
     words,
 )
-from handtrack.sequences.readers.table_cells import MISSING, Table
+from handtrack.sequences.readers.columns_at_once import MISSING
+from handtrack.sequences.readers.table_cells import Table
 from handtrack.sequences.readers.table_columns import first_number
 from handtrack.sequences.titles import Column, column, is_confidence, may_be_hand_label, nearest
 
@@ -64,7 +68,7 @@ class LongColumns:
     axes: list[int]
     sure: int | None
     unit: Unit | None
-    codes: list[int]
+    codes: NDArray[np.int64]
     slots: list[tuple[Hand | None, int | None, int | None]]
     n_joints: int
     order: str | None
@@ -115,12 +119,13 @@ def _hands_only(table: Table, titles: list[str]) -> Table:
     for c, title in enumerate(titles):
         if not may_be_hand_label(title):
             continue
-        texts = table.texts(c)
-        sides = {t: as_side(t) for t in set(texts)}
+        said = table.coded(c)
+        sides = {t: as_side(t) for t in said.texts}
         others = {t for t, side in sides.items() if side is None and t.lower() not in MISSING}
         if not any(sides.values()) or not others or not others <= _NOT_HANDS:
             continue
-        rows = [i for i, t in enumerate(texts) if t not in others]
+        kept = np.array([t not in others for t in said.texts])
+        rows = np.flatnonzero(kept[said.codes]).tolist()
         lines, places = [table.lines[i] for i in rows], [table.places[i] for i in rows]
         return replace(table, lines=lines, places=places)
     return table
@@ -176,25 +181,28 @@ def _names(titles: list[str], melted: bool, taken: list[int]) -> list[tuple[list
     return ways + [([c], False) for c, given in free.items() if given <= _MAYBE]
 
 
+_Slots = tuple[NDArray[np.int64], list[tuple[Hand | None, int | None, int | None]], int, str | None]
+
+
 def _slots(
     table: Table, titles: list[str], names: list[int], melted: bool, path: Path
-) -> tuple[list[int], list[tuple[Hand | None, int | None, int | None]], int, str | None] | None:
+) -> _Slots | None:
     """Which joint each row is of; None where the texts are no joints."""
-    texts = table.texts(names[0])
+    given = table.coded(names[0])
     if len(names) > 1:
-        texts = [f"{a} {b}" for a, b in zip(texts, table.texts(names[1]), strict=True)]
-    index = {text: i for i, text in enumerate(dict.fromkeys(texts))}
-    codes = [index[t] for t in texts]
-    if len(index) > _MOST:
+        given = given.with_other(table.coded(names[1]))
+    texts = given.texts
+    if len(texts) > _MOST:
         return None
-    said = [None if t.lower() in MISSING else _said(t, melted) for t in index]
+    said = [None if t.lower() in MISSING else _said(t, melted) for t in texts]
     known = [s for s in said if s is not None]
     if len({(s.joint.hand, s.joint.finger, s.joint.part, s.joint.number) for s in known}) < _FEWEST:
         return None
-    for text, one in zip(index, said, strict=True):
+    for row, (text, one) in enumerate(zip(texts, said, strict=True)):
         if one is None and text.lower() not in MISSING and not melted:
+            line = table.places[int(np.argmax(given.codes == row))]
             raise InputError(
-                f"line {table.places[texts.index(text)]}: {titles[names[0]]} {text[:40]!r} is"
+                f"line {line}: {titles[names[0]]} {text[:40]!r} is"
                 f" unknown, the nearest name is {nearest(text)}",
                 path,
             )
@@ -207,7 +215,7 @@ def _slots(
         else:
             alone = -1 if one.axis is None else one.axis
             slots.append((one.joint.hand, joint, alone if melted else None))
-    return codes, slots, n, order
+    return given.codes, slots, n, order
 
 
 def _said(text: str, melted: bool) -> Column | None:

@@ -13,6 +13,7 @@ from handtrack.errors import InputError
 from handtrack.hand.skeleton import Hand
 from handtrack.sequences.clips import runs
 from handtrack.sequences.clock import Stamps
+from handtrack.sequences.readers.columns_at_once import Coded
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.long_columns import LongColumns
 from handtrack.sequences.readers.pictures import flat, seen_in_picture
@@ -64,8 +65,8 @@ def read_long(titles: list[str], long: LongColumns) -> list[Raw]:
     label = label_column(table, columns)
     keys = _frame_keys(table, titles, columns, long)
     at = _frame_of(keys)
-    labels = None if label is None else table.texts(label)
-    tracks = None if columns.number is None else table.texts(columns.number)
+    labels = None if label is None else table.coded(label)
+    tracks = None if columns.number is None else table.coded(columns.number)
     groups = _grouped_at_once(long, at, labels, tracks)
     clips = runs(at) if groups is None else []
     if clips:
@@ -124,31 +125,31 @@ def _taken(raw: Raw, rows: list[int], hand: Hand | None) -> Raw:
 
 def _frame_keys(
     table: Table, titles: list[str], columns: Columns, long: LongColumns
-) -> tuple[list[str] | NDArray[np.int64], NDArray[np.int64] | None]:
+) -> tuple[NDArray[np.int64], NDArray[np.int64] | None]:
     """What tells one frame's rows from another's, and the frames' numbers."""
     if columns.frame is not None:
-        texts = table.texts(columns.frame)
-        if all(map(str.isdigit, texts)):
-            values = np.array([float(t) for t in texts])
+        said = table.coded(columns.frame)
+        if all(map(str.isdigit, said.texts)):
+            values = np.array([float(t) for t in said.texts])[said.codes]
             numbers = frame_numbers(values, len(values), table.path, titles[columns.frame])
             return numbers, numbers
-        found = [_NUMBER.findall(t) for t in texts]  # names of pictures
+        found = [_NUMBER.findall(t) for t in said.texts]  # names of pictures
         if all(found) and len({len(f) for f in found}) == 1:
             last = np.array([int(f[-1]) for f in found], dtype=np.int64)
-            if len(np.unique(last)) == len(set(texts)):
-                return last, last
-        return texts, None
+            if len(np.unique(last)) == len(last):
+                return last[said.codes], last[said.codes]
+        return said.codes, None
     named = next((c for c, t in enumerate(titles) if is_frame_number(t)), None)
     if columns.times or named is not None:
-        return table.texts(titles.index(columns.times[0]) if named is None else named), None
+        return table.coded(titles.index(columns.times[0]) if named is None else named).codes, None
     return _counted(table, long), None
 
 
 def _counted(table: Table, long: LongColumns) -> NDArray[np.int64]:
     """Frames of rows without numbers or times: one begins where the joints begin again."""
-    rank: dict[int, int] = {}
-    codes = np.array([rank.setdefault(c, len(rank)) for c in long.codes], dtype=np.int64)
-    return np.concatenate([[0], np.cumsum(np.diff(codes) <= 0)]).astype(np.int64)
+    _, first, codes = np.unique(long.codes, return_index=True, return_inverse=True)
+    rank = np.argsort(np.argsort(first))[codes.ravel()]
+    return np.concatenate([[0], np.cumsum(np.diff(rank) <= 0)]).astype(np.int64)
 
 
 def _of_clips(titles: list[str], long: LongColumns, clips: list[tuple[int, int]]) -> list[Raw]:
@@ -165,13 +166,13 @@ def _of_clips(titles: list[str], long: LongColumns, clips: list[tuple[int, int]]
 
 
 def _frame_of(
-    keys: tuple[list[str] | NDArray[np.int64], NDArray[np.int64] | None],
+    keys: tuple[NDArray[np.int64], NDArray[np.int64] | None],
 ) -> NDArray[np.int64]:
     """(rows,) each row's frame, as an index in order of numbers, or of first rows."""
     given, numbers = keys
     if numbers is not None:
         return _sorted_apart(numbers)[1]
-    return given if isinstance(given, np.ndarray) else np.asarray(_coded(given)[0])
+    return given
 
 
 def _grouped(
@@ -179,20 +180,21 @@ def _grouped(
     titles: list[str],
     long: LongColumns,
     at: NDArray[np.int64],
-    labels: list[str] | None,
-    tracks: list[str] | None,
+    labels: Coded | None,
+    tracks: Coded | None,
 ) -> _Groups:
     """The groups where a joint may stand twice in a frame, of two hands without names."""
     frame = at.tolist()
-    labels, tracks = labels or [""] * len(frame), tracks or [""] * len(frame)
+    sides = [""] * len(frame) if labels is None else labels.all()
+    numbers = [""] * len(frame) if tracks is None else tracks.all()
     begins: dict[int, int] = {}
     seen: dict[tuple[object, ...], int] = {}
     index: dict[tuple[object, ...], int] = {}
     groups = _Groups(np.zeros(len(frame), np.int64), [], [], [], [], [], None)
-    for i, code in enumerate(long.codes):
+    for i, code in enumerate(long.codes.tolist()):
         hand, joint, axis = long.slots[code]
         begins.setdefault(frame[i], i)
-        key = (frame[i], hand, labels[i], tracks[i])
+        key = (frame[i], hand, sides[i], numbers[i])
         second = 0
         if joint is not None:
             one = (*key, joint, axis)
@@ -202,7 +204,7 @@ def _grouped(
             else:
                 second = _second(table, titles, long, i, before, (*one, 1) in seen)
                 seen[*one, 1] = i
-                if hand is not None or labels[i] or tracks[i]:
+                if hand is not None or sides[i] or numbers[i]:
                     raise InputError(_twice(table, titles, long, before, i), table.path)
         group = index.setdefault((*key, second), len(index))
         if group == len(groups.first):
@@ -216,10 +218,10 @@ def _grouped(
 
 
 def _grouped_at_once(
-    long: LongColumns, at: NDArray[np.int64], labels: list[str] | None, tracks: list[str] | None
+    long: LongColumns, at: NDArray[np.int64], labels: Coded | None, tracks: Coded | None
 ) -> _Groups | None:
     """The groups where no joint stands twice in a frame; None where one does."""
-    codes = np.array(long.codes, dtype=np.int64)
+    codes = long.codes
     hands = list(dict.fromkeys(hand for hand, _, _ in long.slots))
     hand_of = np.array([hands.index(hand) for hand, _, _ in long.slots], dtype=np.int64)
     label, n_labels = _coded(labels)
@@ -269,12 +271,9 @@ def _sorted_apart(values: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray
     return first, which.ravel()
 
 
-def _coded(texts: list[str] | None) -> tuple[NDArray[np.int64] | int, int]:
-    """Texts as numbers in order of their first, and how many there are; None: all the same."""
-    if texts is None:
-        return 0, 1
-    index = {text: i for i, text in enumerate(dict.fromkeys(texts))}
-    return np.array([index[text] for text in texts], dtype=np.int64), max(len(index), 1)
+def _coded(said: Coded | None) -> tuple[NDArray[np.int64] | int, int]:
+    """What each row says as a number, and how many there are; None: all the same."""
+    return (0, 1) if said is None else (said.codes, max(len(said.texts), 1))
 
 
 def _second(
@@ -301,7 +300,7 @@ def _placed(
     values = table.numbers(long.axes, [titles[c] for c in long.axes])
     joints = np.full((len(groups.first), long.n_joints, 3), np.nan)
     sure = np.ones(joints.shape[:2])
-    codes = np.array(long.codes, dtype=np.int64)
+    codes = long.codes
     joint_of = np.array([-1 if j is None else j for _, j, _ in long.slots], dtype=np.int64)
     axis_of = np.array([3 if a is None else a for _, _, a in long.slots], dtype=np.int64)
     joint, axis = joint_of[codes], axis_of[codes]

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.files.long_arrays import Growing
+from handtrack.sequences.readers.columns_at_once import values_of
 from handtrack.sequences.readers.raw import Array
 
 _OF_NUMBERS = b"0123456789+-.eE"
@@ -169,7 +170,7 @@ def _parsed(lines: bytes) -> Array:
         )
     except pa.ArrowException as error:
         raise NotAlikeError from error
-    return np.asarray(table["n"].to_numpy(), np.float64)
+    return values_of(table["n"], np.float64)
 
 
 def _keep_whole(form: Form, values: Array, text: bytes, numbers: NDArray[np.bool_]) -> None:

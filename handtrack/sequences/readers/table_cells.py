@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Callable
 from collections.abc import Sequence as Items
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from handtrack.errors import InputError
+from handtrack.sequences.readers.columns_at_once import LARGE, MISSING, AtOnce, Coded
 from handtrack.sequences.readers.raw import Array
 from handtrack.sequences.readers.table_lines import lines_of
 from handtrack.sequences.readers.table_places import (
@@ -21,7 +23,6 @@ from handtrack.sequences.readers.table_places import (
     spread,
 )
 
-MISSING = {"", "nan", "na", "n/a", "n.a.", "null", "none", "-", "--", "#n/a", "nat", "<na>"}
 _WORD = re.compile(r"(?i)\b(?:null|none|na|n/a|nat)\b|#n/a|(?<![\d.eE])-(?![\d.])")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _MAX_TITLE_LINES = 4
@@ -52,6 +53,7 @@ class Table:
     path: Path
     normalised: bool = False
     _all: list[str] | None = field(default=None, init=False, repr=False)
+    _once: AtOnce | None = field(default=None, init=False, repr=False)
 
     @property
     def width(self) -> int:
@@ -68,6 +70,9 @@ class Table:
         Raises:
             InputError: there is one.
         """
+        once = self._at_once()
+        if once is not None and once.is_even():
+            return
         mark, n = self.separator, self.width - 1
         for i, line in enumerate(self.lines):
             if (len(line.split()) - 1 if mark is None else line.count(mark)) != n:
@@ -77,6 +82,19 @@ class Table:
                     f" line {first} has {self.width}",
                     self.path,
                 )
+
+    def _at_once(self) -> AtOnce | None:
+        """The rows as columns, of a large table."""
+        mark, n = self.separator, len(self.lines)
+        if self._once is None and mark is not None and n and n * len(self.lines[0]) > LARGE:
+            self._once = AtOnce("\n".join(self.lines).encode(), mark, self.width, n)
+        return self._once
+
+    def coded(self, column: int) -> Coded:
+        """What one column's cells say."""
+        once = self._at_once()
+        found = None if once is None else once.coded(column)
+        return Coded.of(self.texts(column)) if found is None else found
 
     def texts(self, column: int) -> list[str]:
         """One column's cells."""
@@ -100,18 +118,25 @@ class Table:
         """
         if not len(columns):
             return np.empty((len(self.lines), 0))
-        for blanks in (False, True):
-            try:
-                return np.loadtxt(
-                    self._without_blanks() if blanks else self.lines,
-                    delimiter=self.separator,
-                    usecols=list(columns),
-                    comments=None,
-                    ndmin=2,
-                )
-            except ValueError:
-                continue
+        once = self._at_once()
+        ways: list[Callable[[], Array | None]] = [
+            lambda: self._plain(self.lines, columns),
+            lambda: None if once is None else once.floats(columns),
+            lambda: self._plain(self._without_blanks(), columns),
+        ]
+        for way in ways:
+            found = way()
+            if found is not None:
+                return found
         return self._slowly(columns, names)
+
+    def _plain(self, lines: list[str], columns: Items[int]) -> Array | None:
+        """Numbers of lines that have some in all cells."""
+        mark = self.separator
+        try:
+            return np.loadtxt(lines, delimiter=mark, usecols=columns, comments=None, ndmin=2)
+        except ValueError:
+            return None
 
     def _without_blanks(self) -> list[str]:
         """The lines with NaN in cells that are empty or say so."""
@@ -159,7 +184,7 @@ def read_cells(data: bytes, path: Path) -> Table:
     lines, places, comment = lines_of(data, path)
     if not lines:
         raise InputError("no lines in it", path)
-    quoted = any('"' in line for line in lines)
+    quoted = b'"' in data and any('"' in line for line in lines)
     if not quoted:
         lines = guarded(lines)
     if re.fullmatch(r"sep=[,;|\t]", lines[0]):

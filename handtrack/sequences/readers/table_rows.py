@@ -13,9 +13,10 @@ from handtrack.errors import InputError
 from handtrack.hand.skeleton import JOINT_NAMES
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import as_side, words
+from handtrack.sequences.readers.columns_at_once import MISSING
 from handtrack.sequences.readers.fields import FINEST
 from handtrack.sequences.readers.raw import Raw, as_hand, take_rows
-from handtrack.sequences.readers.table_cells import MISSING, Table
+from handtrack.sequences.readers.table_cells import Table
 from handtrack.sequences.readers.table_columns import Columns
 from handtrack.sequences.titles import time_unit
 
