@@ -194,7 +194,7 @@ class Results:
 
     def row(self, t: int) -> Row:
         """Frame t, its arrays as views."""
-        return Row(*self.rows[t].item())
+        return Row(*self.rows.item(t))
 
     def fit(self, t: int) -> Fit:
         """Frame t as a Fit."""

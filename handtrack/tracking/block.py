@@ -21,7 +21,8 @@ from handtrack.tracking.frame import TrackedFrame
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+# not frozen: one is made for every frame of `Tracker.step`, and that takes a third of the time
+@dataclass(eq=False, slots=True)
 class Fitted:
     """Frames that are fitted; what the filter makes of them is not known yet.
 
@@ -66,7 +67,7 @@ class Fitted:
         return Fitted(times, observed, given, raw, reasons, rejected, restart)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Block:
     """Frames that are final.
 
@@ -151,18 +152,15 @@ class Block:
 
     def frames(self) -> list[TrackedFrame]:
         """The frames one by one."""
-        of = self.fitted
-        said = zip(
-            of.times_ns.tolist(), self.known.tolist(), of.reasons, of.restart.tolist(), strict=True
-        )
-        return [self._frame(t, *each) for t, each in enumerate(said)]
+        return [self._frame(t) for t in range(len(self.fitted))]
 
-    def _frame(self, t: int, time_ns: int, known: bool, reason: str, restart: bool) -> TrackedFrame:
-        of, row = self.fitted, solver.Row(*self.fitted.raw[t].item())
-        steady = row if self.steady is of.raw else solver.Row(*self.steady[t].item())
+    def _frame(self, t: int) -> TrackedFrame:
+        of = self.fitted
+        row = solver.Row(*of.raw.item(t))
+        steady = row if self.steady is of.raw else solver.Row(*self.steady.item(t))
         fitted = not math.isnan(row.objective)
-        return TrackedFrame(
-            time_ns=time_ns,
+        return TrackedFrame.of(
+            time_ns=of.times_ns.item(t),
             observed=of.observed[t],
             confidence=of.given[t],
             angles_raw=row.angles,
@@ -173,13 +171,15 @@ class Block:
             translation=steady.translation,
             fitted_joints=row.joints,
             filtered_joints=steady.joints,
-            angle_variance=self._variance(steady.variance, row.variance),
+            angle_variance=row.variance
+            if steady is row and self.lasting is None
+            else self._variance(steady.variance, row.variance),
             objective=row.objective,
             iterations=row.sweeps + row.steps,
-            status="fitted" if fitted else "predicted" if known else "lost",
-            reason=reason,
+            status="fitted" if fitted else "predicted" if self.known[t] else "lost",
+            reason=of.reasons[t],
             rejected=of.rejected[t],
-            restart=restart,
+            restart=of.restart.item(t),
         )
 
 

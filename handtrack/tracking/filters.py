@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from handtrack.hand.model import HandModel
-from handtrack.kernels.workspace import UNFITTED
+from handtrack.kernels.workspace import unfitted
 from handtrack.tracking.filter_input import Frames
 from handtrack.tracking.kalman import (
     DriftingFilter,
@@ -70,6 +70,6 @@ def warm_up(settings: TrackerSettings) -> None:
     """Load a filter's compiled code, or compile it (on the machine's first run)."""
     model = HandModel.default()
     if (made := make_filter(settings, model)) is not None:
-        nothing = np.full((2, 21, 3), np.nan), np.zeros((2, 21)), np.full(2, UNFITTED)
+        nothing = np.full((2, 21, 3), np.nan), np.zeros((2, 21)), unfitted(2)
         made.advance(Frames(np.arange(2), *nothing))
         made.finish()

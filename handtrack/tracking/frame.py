@@ -43,6 +43,13 @@ class TrackedFrame:
     rejected: NDArray[np.bool_]
     restart: bool
 
+    @classmethod
+    def of(cls, **fields: Any) -> TrackedFrame:
+        """With all of its fields at once: one by one, a frozen object costs a step 2 us."""
+        frame = object.__new__(cls)
+        frame.__dict__.update(fields)
+        return frame
+
 
 def stretch_of_frames(
     frames: list[TrackedFrame],

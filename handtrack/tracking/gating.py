@@ -133,7 +133,7 @@ class Gate:
             if start > 0 or part.stop < len(times_ns):
                 frames_of = results.part(part), times_ns[part], observed[part], w[part]
             some, times, joints, weights = frames_of
-            before = keep.copy()
+            before = keep.tobytes()
             mean, least = self._model.mean_angles, self._min_joints
             some.run(self._program, self._model, joints, weights, keep, mean, least)
             i = self._first_doubtful(some, times, joints, weights)
@@ -155,14 +155,15 @@ class Gate:
         w: Array,
     ) -> int | None:
         """The first frame to be looked at; those before it are taken as believed."""
-        looked_at = (results.rows[name].tolist() for name in ("objective", "seen", "worst", "root"))
-        for t, (objective, seen, worst, root) in enumerate(zip(*looked_at, strict=True)):
+        rows = results.rows
+        seen, worst, roots = rows["seen"].tolist(), rows["worst"].tolist(), rows["root"].tolist()
+        for t, objective in enumerate(rows["objective"].tolist()):
             if math.isnan(objective):
-                if seen > 0 and self._strays(observed[t], w[t], times_ns[t]).any():
+                if seen[t] > 0 and self._strays(observed[t], w[t], times_ns[t]).any():
                     return t
                 continue
-            noise, place = noise_of(objective, seen), place_of(root)
-            if worst > self._look or self._doubt(noise, place, times_ns[t]):
+            noise, place = noise_of(objective, seen[t]), place_of(roots[t])
+            if worst[t] > self._look or self._doubt(noise, place, times_ns[t]):
                 return t
             self._believe(results, t, noise, place, times_ns[t])
         return None
@@ -289,9 +290,9 @@ def _reject(results: solver.Results, t: int) -> None:
     results.rows["seen"][t], results.rows["state"][t] = seen, REJECTED
 
 
-def _forget_after(results: solver.Results, last: int, before: Records, keep: Records) -> None:
+def _forget_after(results: solver.Results, last: int, before: bytes, keep: Records) -> None:
     """Make keep what it was after frame `last` of the results (-1: before them)."""
-    keep[:] = before
+    keep[:] = np.frombuffer(before, keep.dtype)
     fitted = np.flatnonzero(~np.isnan(results.objective[: last + 1]))
     if fitted.size:
         row = results.rows[fitted[-1]]

@@ -24,7 +24,7 @@ from handtrack.kernels.filter_state import (
     FilterNumbers,
 )
 from handtrack.kernels.kalman import LEAST_NOISE
-from handtrack.kernels.workspace import RESULT, UNFITTED, Records
+from handtrack.kernels.workspace import RESULT, UNFITTED, Records, unfitted
 from handtrack.tracking import process_noise
 from handtrack.tracking.filter_input import Frames, LongFrames
 from handtrack.tracking.process_noise import LASTS_S, N_POSE, lasting_share
@@ -117,7 +117,7 @@ class KalmanFilter:
     def _run(self, frames: Frames, kept: Records | None) -> tuple[Records, Records]:
         """Rows (T,) and notes (T,), as `filter_frames` has them."""
         n = len(frames.raw)
-        out, notes = np.full(n, UNFITTED), np.zeros(n, NOTE)
+        out, notes = unfitted(n), np.zeros(n, NOTE)
         self._filter(
             self._state,
             *self.with_model,
@@ -190,7 +190,7 @@ class FixedLagFilter:
         notes = self._kalman._run(frames, kept[len(self._kept) :])[1]
         notes = np.concatenate([self._notes, notes])
         ready = max(len(notes) - self.lag, 0)
-        out = np.full(ready, UNFITTED)
+        out = unfitted(ready)
         self._kalman.smooth_lagged(*self._kalman.with_model, self.lag, notes, kept, out)
         self._kept, self._notes = kept[ready:], notes[ready:]
         return out, notes["kind"][:ready] != NOTHING
@@ -198,7 +198,7 @@ class FixedLagFilter:
     def finish(self) -> Steadied:
         """As `KalmanFilter.finish`."""
         notes, kept = self._notes, self._kept
-        out = np.full(len(notes), UNFITTED)
+        out = unfitted(len(notes))
         self._kalman.smooth(*self._kalman.with_model, 0, len(notes), notes, kept, out)
         self.reset()
         return out, notes["kind"] != NOTHING
@@ -323,7 +323,7 @@ class Smoother:
                 notes[place] = kalman._run(given.part(place), kept[place])[1]
                 if b == last:
                     at_last = kalman._state.copy()
-            out = np.full(last - begin, UNFITTED)
+            out = unfitted(last - begin)
             kalman.smooth(*kalman.with_model, 0, last - begin, notes, kept[: end - begin], out)
             kalman._state = at_last
             yield out, notes["kind"][: last - begin] != NOTHING

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import matrix_to_quaternion, matrix_to_vector, vector_to_matrix
 from handtrack.hand.skeleton import N_ANGLES
-from handtrack.kernels.workspace import RESULT, UNFITTED
+from handtrack.kernels.workspace import RESULT, unfitted
 from handtrack.tracking.filter_input import Frames
 from handtrack.tracking.kalman import Steadied
 from handtrack.tracking.process_noise import N_POSE
@@ -52,7 +52,7 @@ class OneEuroFilter:
     def advance(self, frames: Frames) -> Steadied:
         """As `KalmanFilter.advance`."""
         times_ns, raw = frames.times_ns, frames.raw
-        out, known = np.full(len(raw), UNFITTED), np.zeros(len(raw), dtype=np.bool_)
+        out, known = unfitted(len(raw)), np.zeros(len(raw), dtype=np.bool_)
         for t, row in enumerate(raw):
             since = int(times_ns[t]) - self._fitted_ns
             if self._known and since > self._coast_ns:

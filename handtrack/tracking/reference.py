@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from handtrack.hand.skeleton import N_ANGLES
 from handtrack.kernels import filter_loop as kernels
 from handtrack.kernels.filter_state import NOTE
-from handtrack.kernels.workspace import UNFITTED, Records
+from handtrack.kernels.workspace import Records, unfitted
 from handtrack.tracking.filter_input import Frames
 from handtrack.tracking.kalman import KalmanFilter
 from handtrack.tracking.process_noise import N_POSE
@@ -36,7 +36,7 @@ class FilterPyFilter(KalmanFilter):
 
     def _run(self, frames: Frames, kept: Records | None) -> tuple[Records, Records]:
         n = len(frames.raw)
-        out, notes = np.full(n, UNFITTED), np.zeros(n, NOTE)
+        out, notes = unfitted(n), np.zeros(n, NOTE)
         for t in range(n):
             one = slice(t, t + 1)
             shown = (frames.joints[t], frames.weights[t], frames.raw[one], notes[one])

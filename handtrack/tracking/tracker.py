@@ -140,27 +140,27 @@ class Tracker:
             observed, w: (T, 21, 3) [m], NaN = missing, and (T, 21); they are kept, and missing
                 joints made clear in them.
         """
-        if self._time_ns is not None and times_ns[0] <= self._time_ns:
+        times = times_ns.tolist()
+        if self._time_ns is not None and times[0] <= self._time_ns:
             raise InputError(
                 f"time does not increase: the last frame was at {self._time_ns * 1e-9:.6f} s,"
-                f" this one is at {times_ns[0] * 1e-9:.6f} s"
+                f" this one is at {times[0] * 1e-9:.6f} s"
             )
-        if len(times_ns) > 1:
+        if len(times) > 1:
             pauses = np.flatnonzero(np.diff(times_ns) > self._coast_ns)
             if pauses.size:
                 t = int(pauses[0]) + 1
                 before = self._advance(times_ns[:t], observed[:t], w[:t])
                 return before + self._advance(times_ns[t:], observed[t:], w[t:])
-        if self._time_ns is not None and times_ns[0] - self._time_ns > self._coast_ns:
+        if self._time_ns is not None and times[0] - self._time_ns > self._coast_ns:
             # as after frames that were lost: the last pose is one start of two
             solver.forget(self._keep)
         seen = observed
         if self._profile is not None:
             seen = self._profile.corrected(observed, self.model.hand)
-        results = solver.Results(len(times_ns), full=False)
+        results = solver.Results(len(times), full=False)
         model, least = self.model, self.chosen.min_joints
-        given, verdicts = w, [PLAIN] * len(times_ns)
-        times = times_ns.tolist()
+        given, verdicts = w, [PLAIN] * len(times)
         if self._gate is None:
             results.run(self._program, model, seen, w, self._keep, model.mean_angles, least)
         else:
@@ -213,21 +213,20 @@ class Tracker:
         verdicts: list[Verdict],
     ) -> Fitted:
         """Frames, with what is to be said of them."""
-        rejected = np.array([verdict.rejected for verdict in verdicts])
+        one = verdicts[0].rejected[None]
+        rejected = one if len(times) == 1 else np.array([v.rejected for v in verdicts])
         restart = np.zeros(len(times), np.bool_)
         reasons = [""] * len(times)
-        states = (raw[name].tolist() for name in ("objective", "seen", "state"))
-        for t, (time_ns, objective, seen, state, verdict) in enumerate(
-            zip(times, *states, verdicts, strict=True)
-        ):
-            found = ""
-            if objective == objective:  # not NaN: it is fitted
+        states = raw["state"].tolist()
+        for t, fitted in enumerate((raw["objective"] >= 0.0).tolist()):
+            time_ns, state, verdict, found = times[t], states[t], verdicts[t], ""
+            if fitted:
                 gone_ns = 0 if self._fitted_ns is None else time_ns - self._fitted_ns
                 if gone_ns > self._coast_ns:
                     restart[t], found = True, f"found again after {1e-9 * gone_ns:.2f} s"
                 self._fitted_ns = time_ns
             if found or state != workspace.CONVERGED or verdict is not PLAIN:
-                why = self._why(state, seen)
+                why = self._why(state, int(raw["seen"][t]))
                 reasons[t] = "; ".join(filter(None, (found, verdict.reason, why)))
                 restart[t] |= verdict.restart
         return Fitted(times_ns, observed, given, raw, reasons, rejected, restart)
