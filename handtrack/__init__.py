@@ -79,7 +79,7 @@ _WHERE = {
     "RecordingSettings": "recording.settings",
     "MeshChoice": "recording.settings",
     "Tracker": "tracking.tracker",
-    "track": "tracking.sequence_track",
+    "track": "video.pictured",
     "retrack": "recording.retrack",
     "batch": "batching.run",
     "track_clip": "batching.work",
@@ -196,7 +196,6 @@ if TYPE_CHECKING:
     from handtrack.sequences.sequence import Remark as Remark
     from handtrack.sequences.sequence import Sequence as Sequence
     from handtrack.tracking.frame import TrackedFrame as TrackedFrame
-    from handtrack.tracking.sequence_track import track as track
     from handtrack.tracking.settings import FilterSettings as FilterSettings
     from handtrack.tracking.settings import TrackerSettings as TrackerSettings
     from handtrack.tracking.settings import TrackSettings as TrackSettings
@@ -205,6 +204,7 @@ if TYPE_CHECKING:
     from handtrack.tracking.track import Track as Track
     from handtrack.tracking.tracker import Tracker as Tracker
     from handtrack.video.loading import load as load
+    from handtrack.video.pictured import track as track
     from handtrack.viewer.live_viewer import LiveViewer as LiveViewer
     from handtrack.viewer.replay import replay as replay
     from handtrack.viewer.rerun_log import log_rerun as log_rerun

@@ -26,8 +26,8 @@ from handtrack.evaluation.stability import Stability, stability, stability_of_pa
 from handtrack.sequences.identity import repair_identity
 from handtrack.sequences.readers.raw import NotJointsError
 from handtrack.sequences.sequence import Sequence
-from handtrack.tracking.sequence_track import track
 from handtrack.tracking.track import Track
+from handtrack.video.pictured import track
 
 JOURNAL = "journal"
 """Where rows wait until they are in the table."""

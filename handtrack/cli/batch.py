@@ -27,6 +27,7 @@ from handtrack.cli.options import (
     take_tracking,
     tracking_options,
 )
+from handtrack.cli.pictures import no_picture_option
 from handtrack.errors import SettingsError
 
 if TYPE_CHECKING:
@@ -74,6 +75,7 @@ _SHOWN = 10
 @click.option(
     "--retry-failed", is_flag=True, help="Try clips again that failed by their own fault too."
 )
+@no_picture_option
 @click.option("--no-repair", is_flag=True, help="Leave hands exchanged for a moment exchanged.")
 @model_options
 @hand_model_option
@@ -98,6 +100,7 @@ def batch(
     no_repair: bool,
     as_json: bool,
     quiet: bool,
+    no_picture: bool,
     **options: Any,
 ) -> None:
     """Track a whole data set: every clip of many subjects, on all cores or on a cluster.
@@ -114,6 +117,7 @@ def batch(
     from handtrack.batching.settings import BatchSettings
 
     (tracking, limits), recording = take_tracking(options), take_recording(options)
+    tracking = tracking.but(picture=not no_picture)
     mano = {name: options[name] for name in ("mano", "mano_tips")}
     models = take_models(options, limits)
     if models.file is not None and is_default("calibrate"):

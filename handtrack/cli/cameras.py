@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from handtrack.cli.inputs import Reading
 from handtrack.cli.models import Models
-from handtrack.cli.one_camera import say_what_it_knows
+from handtrack.cli.one_camera import Known, say_what_it_knows
 from handtrack.cli.sources import Item
 from handtrack.errors import InputError, SettingsError
 
@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from handtrack.video.landmark_files import Found
     from handtrack.video.one_camera import SeenHand
     from handtrack.video.views import Views
-
-
-LEAST_NOISE_MM = 1e-3
-"""Made pictures are met exactly; no fit is told that there is no noise."""
 
 
 @dataclass(frozen=True)
@@ -46,16 +42,36 @@ class Lens:
     board_unit: str | None = None
 
     @property
-    def focal(self) -> str:
-        """Where the focal length of one camera is from; "" where it is calibrated."""
+    def known(self) -> str:
+        """What is known of the focal length of one camera: "" where it is calibrated."""
         if self.file is not None:
             return ""
-        return "assumed" if self.fov_deg is None else "as --fov says"
+        return "assumed" if self.fov_deg is None else f"{self.fov_deg:g} degrees"
 
     @property
     def given(self) -> bool:
         """Whether anything is said."""
         return any(said is not None for said in vars(self).values())
+
+    def is_of(self, inputs: tuple[Path, ...]) -> bool:
+        """Whether it is of one camera, that saw joints and their pictures: inputs as they are read
+        without a lens.
+
+        Raises:
+            InputError: the calibration or an input cannot be read.
+            SettingsError: options that do not go together.
+        """
+        import handtrack as ht
+        from handtrack.cli.sources import have_pictures
+
+        if self.file is not None and len(ht.load_cameras(self.file, self.board_unit)) > 1:
+            return False
+        if not have_pictures(inputs):
+            return False
+        if self.size is not None:
+            raise SettingsError(f"{inputs[0]}: pictures have a size: leave --image-size out")
+        self.cameras(None, 1 if self.file is None else len(inputs))
+        return True
 
     def cameras(self, unit: str | None, count: int) -> list[Camera] | None:
         """The calibrated cameras, of pictures of the size that is said; None without a file.
@@ -94,8 +110,19 @@ class Lens:
                 )
         return [replace(c, size=c.size or self.size) for c in cameras]
 
-    def camera(self, size: tuple[int, int]) -> Camera:
-        """The one camera of which no more is known than how wide it sees, if that."""
+    def camera(self, size: tuple[int, int], source: str = "") -> Camera:
+        """The one camera of pictures of a size; without a file no more is known of it than how wide
+        it sees, if that.
+
+        Raises:
+            InputError: the calibration is of pictures of another size.
+        """
+        calibrated = self.cameras(None, 1)
+        if calibrated is not None:
+            from handtrack.video.views import check_size
+
+            check_size(calibrated[0], size, source)
+            return calibrated[0]
         from handtrack.video.landmark_files import camera_of_view
         from handtrack.video.placing import assumed_camera
 
@@ -119,11 +146,10 @@ def from_cameras(
     Raises:
         InputError: the files do not belong together.
     """
-    import numpy as np
-
     from handtrack.files.pictures import pictures_in
     from handtrack.hand.reshape import without_landmarks
     from handtrack.video.following import follow
+    from handtrack.video.pictured import LEAST_NOISE_MM, about
     from handtrack.video.placing import Seen
     from handtrack.video.views import views_of
 
@@ -134,7 +160,6 @@ def from_cameras(
     else:
         people, stored = _people_of(stack, cameras or [], reading), True
     sequences, noise, hands = [], [], []
-    told: dict[tuple[str, str], dict[str, Any]] = {}
     for found in people:
         seen = [f.detections for f in found]
         used = cameras or [lens.camera(seen[0].size)]
@@ -152,32 +177,22 @@ def from_cameras(
             # what follows are joint centres
             models.keep(without_landmarks(hand.fitted))
             hands.append(views)
-            sequences.append(followed.sequence)
             noise.append(max(followed.noise_mm, hand.noise_mm))
-            pixels = followed.reprojection[np.isfinite(followed.reprojection)]
-            values = (pixels.mean(), pixels.std(), *np.percentile(pixels, [50, 95]), pixels.max())
-            kinds = ("mean", "std", "median", "p95", "max")
-            error = {kind: round(float(x), 3) for kind, x in zip(kinds, values, strict=True)}
-            about: dict[str, Any] = {"views": len(used), "reprojection_px": error}
+            said = about(followed, hand, len(used), lens.known)
             if stored:
-                about["from"] = "landmarks in pictures"
-            if len(used) == 1:
-                about["depth_deviation"] = round(hand.size_deviation, 3)
-            if lens.file is None:
-                about["lens"] = "assumed" if lens.fov_deg is None else f"{lens.fov_deg:g} degrees"
-            told[views.name, views.hand] = {"cameras": about}
+                said["from"] = "landmarks in pictures"
+            sequences.append(replace(followed.sequence, cameras=said))
             if not quiet:
-                _say(followed, views, error["median"])
+                _say(followed, views, said["reprojection_px"]["median"])
                 if len(used) == 1:
-                    say_what_it_knows(followed, hand, models.file is not None, lens.focal)
+                    own = models.file is not None
+                    say_what_it_knows(Known.of(followed, hand), own, lens.known)
     if not sequences:
         raise InputError(f"there is no {reading.hand} hand", inputs[0])
     pictures = None
     if pictures_in(inputs[0]) is not None:
         pictures = Seen.together([f.detections for f in people[0]], hands)
-    item = Item.of(sequences, inputs[0], pictures)
-    item.told = told
-    return item, max(*noise, LEAST_NOISE_MM)
+    return Item.of(sequences, inputs[0], pictures), max(*noise, LEAST_NOISE_MM)
 
 
 def _stack(inputs: tuple[Path, ...], reading: Reading) -> list[PictureLandmarks] | None:

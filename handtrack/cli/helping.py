@@ -24,7 +24,7 @@ _GROUPS = {
         *_LAST,
     ),
     "Input": (
-        *("hand", "unit", "fps", "board_unit", "image_size", "fov"),
+        *("hand", "unit", "fps", "board_unit", "image_size", "fov", "no_picture"),
         *(
             "order",
             "frames",

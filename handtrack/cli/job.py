@@ -12,6 +12,7 @@ import click
 from handtrack.cli.config import used_config
 from handtrack.cli.live_view import Live
 from handtrack.cli.models import Models
+from handtrack.cli.one_camera import say_of_picture
 from handtrack.cli.options import is_default
 from handtrack.cli.outputs import Job, Stretches, recorder
 from handtrack.cli.pictures import for_viewer
@@ -57,6 +58,7 @@ class Work:
         quiet, silent: print no warnings; print nothing.
         alone: whether there is one input, whose failure is the command's.
         times: what took the time; of fitting, what recording and showing took is not part.
+        said: what was said once of all hands.
     """
 
     reading: Reading
@@ -69,6 +71,7 @@ class Work:
     silent: bool
     alone: bool
     times: Times = field(default_factory=Times)
+    said: set[str] = field(default_factory=set)
 
     def run(self, job: Job, progress: Progress, made: Made) -> None:
         """Track all that goes into one recording.
@@ -86,13 +89,16 @@ class Work:
         tracks: list[Track] = []
         with self.times.during("writing"), recorder(job.mcap, sequences, self.recording) as record:
             for i, sequence in enumerate(sequences):
-                told = self._told(sequence, job.items)
+                config = used_config()
+                told: dict[str, Any] = {"config": config} if config else {}
                 stretches = Stretches(record, i, told)
                 shown = self.show.seconds
                 try:
                     with self.times.during("fitting"):
                         track = self._track(sequence, settings, stretches, progress)
                     tracks.append(replace(track, settings={**track.settings, **told}))
+                    if sequence.picture is not None and not self.silent:
+                        say_of_picture(track, self.models.file is not None, self.said)
                 except HandtrackError as error:
                     # a hand that is hardly seen must not take the others with it
                     last = not tracks and i == len(sequences) - 1
@@ -111,15 +117,6 @@ class Work:
                 self._write_rrd(job.rrd, tracks, job.items, progress)
         made.tracks += tracks
         made.files += job.files
-
-    @staticmethod
-    def _told(sequence: Sequence, items: list[Item]) -> dict[str, Any]:
-        """What its recording says of a sequence beside the settings of its track."""
-        config = used_config()
-        told: dict[str, Any] = {"config": config} if config else {}
-        for item in items:
-            told |= item.told.get((sequence.name, sequence.hand), {})
-        return told
 
     def _read(self, job: Job, made: Made) -> list[Sequence]:
         """The sequences of a job, hands put back; what fails is skipped."""

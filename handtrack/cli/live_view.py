@@ -61,7 +61,8 @@ class _Viewer(Live):
         # of a viewer that was closed rerun would complain line by line
         os.environ.setdefault("RUST_LOG", "off")
         names = hand_topics((s.name, s.hand) for s in sequences)
-        self._names = dict(zip(map(id, sequences), names, strict=True))
+        # hands that were put back are sequences anew
+        self._names = {(s.name, s.hand): n for s, n in zip(sequences, names, strict=True)}
         self._own = connect is None
         seen = [Seen(s.hand, s.joints) for s in sequences]
         viewer = LiveViewer(connect, mesh=mesh, seen=seen)
@@ -70,7 +71,7 @@ class _Viewer(Live):
     def parts(
         self, sequence: Sequence, record: Callable[[Stretch], None]
     ) -> Callable[[Stretch], None]:
-        name = self._names[id(sequence)]
+        name = self._names[sequence.name, sequence.hand]
 
         def both(part: Stretch) -> None:
             record(part)

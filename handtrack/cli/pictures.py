@@ -50,6 +50,13 @@ class _Size(click.ParamType[Any]):
         return size
 
 
+no_picture_option = click.option(
+    "--no-picture",
+    is_flag=True,
+    help="Of a video, and of what `detect` wrote: fit the joints alone, not the picture too.",
+)
+
+
 def picture_options(command: Any) -> Any:
     """Give a command the options on pictures."""
     for option in (
@@ -91,6 +98,7 @@ def picture_options(command: Any) -> Any:
             help="Without --camera: how wide the camera sees, from left to right.  [default: a"
             " focal length as long as the picture's longer side]",
         ),
+        no_picture_option,
     ):
         command = option(command)
     return command

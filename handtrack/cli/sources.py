@@ -5,9 +5,9 @@ from __future__ import annotations
 import glob
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from handtrack.cli.inputs import Reading
 from handtrack.cli.outputs import names_of
@@ -15,6 +15,7 @@ from handtrack.errors import HandtrackError, InputError
 
 if TYPE_CHECKING:
     from handtrack import Sequence
+    from handtrack.cli.cameras import Lens
     from handtrack.video.placing import Seen
 
 FEW_IMAGES = 20
@@ -31,14 +32,14 @@ class Item:
         folder: the folder that the user named, if it is one of several in it.
         name: of its recording among those of the folder.
         pictures: what was seen in it, once it is read.
-        told: what recordings say of a sequence, by name and hand, beside its settings.
+        lens: what the user says of the one camera that saw it.
     """
 
     source: Path
     folder: Path | None = None
     name: str = ""
     pictures: list[Seen] = field(default_factory=list)
-    told: dict[tuple[str, str], dict[str, Any]] = field(default_factory=dict)
+    lens: Lens | None = None
     _sequences: list[Sequence] | None = None
 
     @property
@@ -73,15 +74,33 @@ class Item:
             from handtrack.video.placing import Seen
 
             found = reading.detect(self.source, quiet)
-            self.pictures = [Seen.alone(found)]
-            self._sequences = reading.labelled(found)
+            lens = self.lens
+            self.pictures = [
+                Seen.alone(found, None if lens is None else lens.camera(found.size, found.source))
+            ]
+            self._sequences = [through(s, lens) for s in reading.labelled(found)]
             reading.say_notes(self._sequences, quiet)
         return self._sequences
+
+    def seen_through(self, lens: Lens) -> Item:
+        """The same, of whose camera the user says something."""
+        own = self._sequences
+        sequences = None if own is None else [through(s, lens) for s in own]
+        return replace(self, lens=lens, _sequences=sequences)
 
     @staticmethod
     def of(sequences: list[Sequence], source: Path, pictures: list[Seen] | None = None) -> Item:
         """An item that is read already."""
         return Item(source, pictures=pictures or [], _sequences=sequences)
+
+
+def through(sequence: Sequence, lens: Lens | None) -> Sequence:
+    """A sequence, its picture taken with the lens that the user says."""
+    picture = sequence.picture
+    if lens is None or picture is None:
+        return sequence
+    camera = lens.camera(picture.size, sequence.source)
+    return replace(sequence, picture=replace(picture, camera=camera, lens=lens.known))
 
 
 @dataclass(frozen=True)
@@ -136,6 +155,20 @@ def items_of(inputs: Iterable[Path], reading: Reading, quiet: bool) -> Given:
         reasons = [f"{skip.path}: {skip.reason}" for skip in found.skipped]
         raise InputError(f"nothing to track in {len(paths)} inputs: {'; '.join(reasons[:3])}")
     return found
+
+
+def have_pictures(inputs: Iterable[Path]) -> bool:
+    """Whether all inputs are videos, images, folders of these, or what `detect` wrote."""
+    from handtrack.files.pictures import pictures_in
+    from handtrack.video.saved import saved_detections
+
+    for path in (path for given in inputs for path in _expanded(given)):
+        if not path.exists():
+            return False
+        shown = pictures_in(path) is not None or (path.is_dir() and bool(_pictures_below(path)[0]))
+        if not shown and saved_detections(path) is None:
+            return False
+    return True
 
 
 def _expanded(path: Path) -> list[Path]:

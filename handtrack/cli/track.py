@@ -68,6 +68,7 @@ def track(
     board_unit: str | None,
     image_size: tuple[int, int] | None,
     fov: float | None,
+    no_picture: bool,
     live: bool,
     connect: str | None,
     as_json: bool,
@@ -82,24 +83,27 @@ def track(
     What cannot be read is named and skipped. Images are unrelated pictures; with --fps, a clip.
     """
     (settings, limits), recording = take_tracking(options), take_recording(options)
+    settings = settings.but(picture=not no_picture)
     mano = {name: options[name] for name in ("mano", "mano_tips")}
     models = take_models(options, limits)
     if models.file is not None and is_default("calibrate"):
-        settings = settings.but(calibrate="none", detector="none")
+        settings = settings.but(calibrate="none")
     reading, silent = Reading(**options, **mano), quiet or as_json
     lens, times = Lens(camera, image_size, fov, board_unit), Times()
-    if lens.given:
+    pictured = not lens.given or lens.is_of(inputs)
+    if not pictured:
         with times.during("detecting and following"), compiling_said(silent):
             views = from_cameras(lens, inputs, reading, models, settings, silent)
         given, noise = Given([views[0]]), views[1]
-        settings = settings.but(calibrate="none")
+        # what was followed are joint centres of a hand that is known
+        settings = settings.but(calibrate="none", detector="auto")
         if settings.fit.noise_mm is None:
             settings = settings.but(noise_mm=noise)
     else:
         with times.during("reading"):
             given = items_of(inputs, reading, silent)
-        if not silent:
-            _say_what_could_be(given)
+        if lens.given:
+            given.items = [item.seen_through(lens) for item in given.items]
     if overlay is not None:
         check_overlay(overlay, _drawn_over(given, inputs))
     elif overlay_skin is not None:
@@ -128,18 +132,6 @@ def track(
     _say(made, given, len(work), doing, as_json)
     show.wait(silent)
     return 1 if any(skip.bad for skip in made.skipped) else 0
-
-
-def _say_what_could_be(given: Given) -> None:
-    """Poses of a video are nearer to the truth with its picture, which needs a lens."""
-    from handtrack.files.pictures import pictures_in
-
-    if any(pictures_in(item.source) == "video" for item in given.items):
-        click.echo(
-            "the joints are fitted, not the picture: --fov DEGREES (or --camera) fits both, nearer"
-            " to the truth",
-            err=True,
-        )
 
 
 def _drawn_over(given: Given, inputs: tuple[Path, ...]) -> list[Path]:

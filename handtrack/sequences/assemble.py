@@ -15,6 +15,7 @@ from handtrack.sequences.clock import UNIT_NS, Clock, TimeUnit, check_fps, read_
 from handtrack.sequences.coincident import without_coincident
 from handtrack.sequences.joint_order import AXIS_MAJOR, check_order, ordered_by_axis, read_order
 from handtrack.sequences.marks import marked
+from handtrack.sequences.picture import Picture, is_share
 from handtrack.sequences.readers.pictures import refuse_picture
 from handtrack.sequences.readers.raw import METRES, Array, Raw, Unit
 from handtrack.sequences.sequence import Sequence
@@ -101,6 +102,7 @@ def assemble(raw: Raw, given: Given, judge: bool = True) -> Sequence:
         truth, _ = without_coincident(_picked(raw.truth, reading.picks) * to_metres)
         truth, other = _in_its_unit(truth, joints, unit)
         notes += other
+    picture = None if given.mirror else _picture(raw, reading.picks, rows)
     return Sequence(
         time_ns=clock.time_ns,
         joints=_taken(joints, rows),
@@ -115,6 +117,7 @@ def assemble(raw: Raw, given: Given, judge: bool = True) -> Sequence:
         subject=raw.subject,
         notes=tuple(notes),
         detector=raw.detector,
+        picture=picture,
     )
 
 
@@ -123,6 +126,23 @@ def _taken(joints: Array, rows: NDArray[np.int64]) -> Array:
     if len(rows) == len(joints) and (np.diff(rows) == 1).all():
         return joints
     return by_blocks(lambda part: joints[part], rows)
+
+
+def _picture(raw: Raw, picks: Picks, rows: NDArray[np.int64]) -> Picture | None:
+    """What the picture shows of joints, where it is known in pixels."""
+    if raw.shown is None or raw.shown.size is None:
+        return None
+    pick = np.array(picks)
+    points = np.where((pick < 0)[:, None], np.nan, raw.shown.points[rows][:, pick])
+    if is_share(points):
+        points = points * np.array(raw.shown.size, dtype=np.float64)
+    seen = np.isfinite(points).all(-1)
+    sure = seen.astype(np.float64)
+    if raw.confidence is not None:
+        given = raw.confidence[rows]
+        whole = given[:, None] if given.ndim == 1 else given[:, pick]
+        sure = np.where(seen, np.clip(np.nan_to_num(whole, nan=1.0), 0, 1), 0.0)
+    return Picture(points, np.asarray(sure), raw.shown.size)
 
 
 def _in_its_unit(truth: Array, joints: Array, unit: Unit) -> tuple[Array, list[str]]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from handtrack.hand.skeleton import HANDS, N_JOINTS
 from handtrack.sequences.chirality import DECIDED, chirality, frame_chirality
 from handtrack.sequences.identity_costs import STILL_M, Together, cheapest, cost_of, motion
+from handtrack.sequences.picture import Picture
 from handtrack.sequences.sequence import Remark, Sequence
 
 Array = NDArray[np.float64]
@@ -214,10 +215,27 @@ def _put_back(group: list[Sequence], together: Together, way: Ints) -> list[Sequ
                 confidence=confidence[keep, k],
                 frame_index=own[keep],
                 truth=truth,
+                picture=_picture(group, together, taken, k, keep),
                 remarks=(*s.remarks, *_remarks(group, together, way, own, k)),
             )
         )
     return out
+
+
+def _picture(
+    group: list[Sequence], together: Together, taken: Ints, k: int, keep: NDArray[np.bool_]
+) -> Picture | None:
+    """What a sequence's pictures show, of frames that came from another what that one's show."""
+    own, n = group[k].picture, len(together.time_ns)
+    if own is None:
+        return None
+    image, sure = np.full((n, N_JOINTS, 2), np.nan), np.zeros((n, N_JOINTS))
+    for i, s in enumerate(group):
+        rows = np.searchsorted(together.time_ns, s.time_ns)
+        mine = taken[rows, k] == i
+        if s.picture is not None:
+            image[rows[mine]], sure[rows[mine]] = s.picture.image[mine], s.picture.sure[mine]
+    return replace(own, image=image[keep], sure=sure[keep])
 
 
 def _remarks(

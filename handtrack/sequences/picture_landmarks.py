@@ -15,13 +15,12 @@ from handtrack.hand.skeleton import JOINT_NAMES, Hand
 from handtrack.sequences.assemble import anything_seen, check_settings, without_marks
 from handtrack.sequences.clock import TimeUnit, read_clock
 from handtrack.sequences.joint_order import stated_order
+from handtrack.sequences.picture import is_share
 from handtrack.sequences.readers.folder import sources
 from handtrack.sequences.readers.pictures import AT_ZERO, flat
 from handtrack.sequences.readers.raw import Array, NoFramesError, NotJointsError, Raw
 from handtrack.sequences.readers.recognise import check_format, read_file
 
-_SHARES = 4.0
-"""Landmarks nearer to 0 than this are shares of the picture's sides, not pixels."""
 _FAR = 1e5
 """[px] Nothing is so far outside of a picture."""
 
@@ -184,7 +183,7 @@ def _landmarks(
         points=np.where((sure > 0)[..., None], points, np.nan),
         depth=joints[..., 2] if raw.picture == "deep" else None,
         sure=sure,
-        shares=bool(np.abs(points[there]).max() < _SHARES),
+        shares=is_share(points),
         time_ns=clock.time_ns,
         frame_index=np.asarray(index, dtype=np.int64)[clock.rows],
         timed=clock.stated,

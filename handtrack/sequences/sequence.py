@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 from weakref import WeakValueDictionary
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from handtrack.errors import InputError
 from handtrack.files.long_arrays import blocks, by_blocks, rows_of
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
+from handtrack.sequences.picture import Picture
 
 if TYPE_CHECKING:
     from handtrack.detectors.profile import Profile
@@ -58,6 +60,9 @@ class Sequence:
         numbered: whether `frame_index` is the source's; else frames were counted.
         detector: name of the profile (`handtrack.detectors`) whose landmarks the joints are, where
             the reader knows; else "".
+        picture: what the one camera that saw them shows of the joints, where that is known.
+        cameras: of joints that were fitted to the pictures of cameras what recordings say of that:
+            how many `views`, `reprojection_px`, the `lens` where it is not calibrated.
 
     Raises:
         InputError: wrong shapes, no frames, no joint at all, infinite values, confidence
@@ -78,6 +83,8 @@ class Sequence:
     timed: bool = True
     numbered: bool = True
     detector: str = ""
+    picture: Picture | None = None
+    cameras: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
         where = self.source or None
@@ -108,6 +115,8 @@ class Sequence:
             raise InputError(
                 f"truth has shape {truth.shape}, expected {joints.shape} like the joints", where
             )
+        if self.picture is not None and len(self.picture) != n:
+            raise InputError(f"{len(self.picture)} pictures for {n} frames", where)
         if self.hand not in HANDS:
             raise InputError(f"hand is {self.hand!r}, expected left or right", where)
         for name, value in (
@@ -181,6 +190,7 @@ class Sequence:
             confidence=rows_of(self.confidence, at),
             frame_index=self.frame_index[at],
             truth=None if self.truth is None else rows_of(self.truth, at),
+            picture=None if self.picture is None else self.picture.at(at),
         )
 
     def __repr__(self) -> str:

@@ -49,25 +49,14 @@ def track(
     on_part: Callable[[Stretch], None] | None = None,
     **options: Any,
 ) -> Track:
-    """Track a whole sequence.
+    """Track the joints of a whole sequence.
 
     Args:
-        sequence: the joints of one hand.
-        model: the hand; the free default hand of the sequence's side if left out.
-        settings: how to track; the defaults if left out.
-        progress: called with the number of frames done: 0 when the hand is known, then now and
-            then.
-        on_part: called with every stretch of frames as soon as it is final, in order: what it
-            gets, one after another, is the track returned.
-        options: settings by their names (see `TrackSettings`), such as filter="kalman" or
-            calibrate=False, that replace these.
-
-    Returns:
-        The track, with the hand as calibrated.
+        sequence, model, settings, progress, on_part, options: as of `handtrack.track`, which fits
+            the pictures of a camera too where a sequence has them.
 
     Raises:
-        InputError: model and sequence are of different hands, or the sequence shows no bone.
-        SettingsError: an option is unknown, or a value makes no sense.
+        InputError, SettingsError: as it does.
     """
     chosen = TrackSettings.of(settings, options)
     if model is None:
@@ -181,6 +170,8 @@ def _lasting(
 def _input_said(sequence: Sequence) -> dict[str, Any]:
     """What a track is to hold of its input beside the joints."""
     said: dict[str, Any] = {}
+    if sequence.cameras is not None:
+        said["cameras"] = dict(sequence.cameras)
     if sequence.remarks:
         # what was done to the input is not seen in it, and belongs to the result
         said["remarks"] = [[r.first_ns, r.last_ns, r.text, r.kind] for r in sequence.remarks]

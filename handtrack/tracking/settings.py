@@ -158,6 +158,7 @@ class TrackSettings(TrackerSettings):
         calibration: how the subject's hand is found in the sequence.
         detector: whose landmarks the joints are: a profile's name or file, "none" where they are
             joint centres, or "auto", what the reader says.
+        picture: whether the hand is fitted to the camera's picture too, where the input has it.
 
     Raises:
         SettingsError: a value makes no sense.
@@ -169,6 +170,13 @@ class TrackSettings(TrackerSettings):
         "Whose landmarks the joints are: the reader's word (auto), mediapipe (one camera's world"
         " landmarks), mediapipe-3d (triangulated), a profile's file, or none: joint centres.",
         metavar="auto|none|NAME|PROFILE.json",
+        always=False,
+    )
+    picture: bool = setting(
+        True,
+        "Fit the hand to the camera's picture as well, where the input has it (default), or to the"
+        " joints alone.",
+        option=False,
         always=False,
     )
 

@@ -16,6 +16,7 @@ from handtrack.files.pictures import pictures_in
 from handtrack.files.whole import whole_file
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
 from handtrack.sequences.hands import HandChoice, label_hands
+from handtrack.sequences.picture import Picture
 from handtrack.sequences.sequence import Sequence
 from handtrack.video.detector import Detection, Detector, MediaPipeDetector
 from handtrack.video.hand_tracks import HandTracks
@@ -81,10 +82,18 @@ class Detections:
                 name=f"{name} {hand}" if len(found) > 1 else name,
                 source=self.source,
                 detector=self.detector,
+                picture=self.picture(hand),
             )
             for hand in found
             if np.isfinite(self.world[hand]).all((1, 2)).any()
         ]
+
+    def picture(self, hand: Hand) -> Picture:
+        """What the pictures show of a hand."""
+        score = np.repeat(self.score[hand][:, None], N_JOINTS, axis=1)
+        sure = score if self.sure is None else self.sure[hand]
+        seen = np.isfinite(self.image[hand]).all(-1)
+        return Picture(self.image[hand], np.where(seen, sure, 0.0), self.size)
 
     def save(self, path: Path) -> None:
         """Write an .npz that `handtrack track` and `load` read.

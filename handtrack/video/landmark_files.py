@@ -16,6 +16,7 @@ from handtrack.sequences.hands import OTHER
 from handtrack.sequences.picture_landmarks import PictureLandmarks
 from handtrack.sequences.size import palm_length
 from handtrack.video.detections import Array, Detections
+from handtrack.video.placing import ASSUMED
 
 HandChoice = Literal["auto", "left", "right", "swap"]
 PALM = 0.088
@@ -47,7 +48,7 @@ def camera_of_view(size: tuple[int, int], fov_deg: float) -> Camera:
     width, height = size
     focal = width / (2 * np.tan(np.deg2rad(fov_deg) / 2))
     matrix = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
-    return Camera("assumed", matrix, np.zeros(0), np.eye(3), np.zeros(3), size)
+    return Camera(ASSUMED, matrix, np.zeros(0), np.eye(3), np.zeros(3), size)
 
 
 def found_in(

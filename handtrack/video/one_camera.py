@@ -48,12 +48,14 @@ class SeenHand(NamedTuple):
         size_deviation: of one camera's hand, of the logarithm of its size, so of its distance.
         noise_mm: of one camera, what is new or fades in the errors of its points [mm]; a picture
             does not show how far its fits are off in depth.
+        detector: name of the profile whose landmarks they are; "": joint centres.
     """
 
     model: HandModel
     shown: HandModel | None = None
     size_deviation: float = 0.0
     noise_mm: float = 0.0
+    detector: str = ""
 
     @property
     def fitted(self) -> HandModel:
@@ -116,12 +118,13 @@ def hand_seen(
         named = "auto" if method is True else method or "scale"
         found = calibrate(model, points.corrected(profile), named, noise=noise)
         model, size = found.model, believed_size(found.scale, noise)
+    said = "" if profile is None else profile.name
     if not one:
-        return SeenHand(model)
-    wanted, said = of_pictures(pictured or detector), of_pictures(views.detector)
-    shown, _ = seen_by(without_landmarks(model), wanted, said)
+        return SeenHand(model, detector=said)
+    wanted, seen = of_pictures(pictured or detector), of_pictures(views.detector)
+    shown, _ = seen_by(without_landmarks(model), wanted, seen)
     moving = 0.0 if noise is None else 1e3 * np.sqrt(np.mean(noise.fading**2 + noise.white**2))
-    return SeenHand(model, shown.scaled(size.factor), size.deviation, float(moving))
+    return SeenHand(model, shown.scaled(size.factor), size.deviation, float(moving), said)
 
 
 def poses_of_joints(views: Views, model: HandModel, settings: TrackSettings) -> tuple[Array, Array]:

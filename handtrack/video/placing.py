@@ -21,6 +21,8 @@ from handtrack.video.views import Views
 
 Array = NDArray[np.float64]
 
+ASSUMED = "assumed"
+"""Name of a camera of which at most the field of view is known."""
 STIFF_DEG = 3.0
 """How far the picture may bend the tracked angles [degrees]."""
 
@@ -32,7 +34,7 @@ def assumed_camera(size: tuple[int, int]) -> Camera:
     width, height = size
     focal = float(max(width, height))
     matrix = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
-    return Camera("assumed", matrix, np.zeros(0), np.eye(3), np.zeros(3), size)
+    return Camera(ASSUMED, matrix, np.zeros(0), np.eye(3), np.zeros(3), size)
 
 
 def place_in_view(track: Track, image: Array, camera: Camera) -> tuple[Array, Array, Array]:
@@ -112,9 +114,14 @@ class Seen:
     images: dict[Hand, Array] | None = None
 
     @staticmethod
-    def alone(found: Detections) -> Seen:
-        """The pictures of a camera of which nothing is known."""
-        return Seen(Path(found.source), found, assumed_camera(found.size))
+    def alone(found: Detections, camera: Camera | None = None) -> Seen:
+        """The pictures of one camera; an assumed one where nothing is known of it."""
+        return Seen(Path(found.source), found, camera or assumed_camera(found.size))
+
+    @property
+    def name(self) -> str:
+        """Of the camera, or of its pictures where it has none of its own."""
+        return self.source.stem if self.camera.name == ASSUMED else self.camera.name
 
     @staticmethod
     def together(detections: Items[Detections], views: Items[Views]) -> list[Seen]:
@@ -132,12 +139,24 @@ class Seen:
             image = self.images.get(track.hand, unseen)[rows]
             rotation = quaternion_to_matrix(track.quaternion)
             return Placed(track.angles, rotation, track.translation, image)
+        if "cameras" in track.settings:
+            return self._in_world(track, rows)
         # whatever the hand was called when it was detected
         image = np.full((len(track), N_JOINTS, 2), np.nan)
         for hand in self.found.hands:
             same = (self.found.world[hand][rows] == track.observed).all((1, 2))
             image[same] = self.found.image[hand][rows][same]
         return Placed(*place_in_view(track, image, self.camera), image)
+
+    def _in_world(self, track: Track, rows: NDArray[np.int64]) -> Placed:
+        """Of a hand in the camera's world; it is seen where the nearest of those found is."""
+        rotation = quaternion_to_matrix(track.quaternion)
+        shown = self.camera.project(track.model.joints(track.angles, rotation, track.translation))
+        images = np.stack([self.found.image[hand][rows] for hand in self.found.hands])
+        off = np.linalg.norm(images - shown, axis=-1).mean(-1)
+        nearest = np.argmin(np.where(np.isfinite(off), off, np.inf), axis=0)
+        image = images[nearest, np.arange(len(rows))]
+        return Placed(track.angles, rotation, track.translation, image)
 
     def rows(self, track: Track) -> NDArray[np.int64]:
         """(T,) the detections' rows of a track's frames."""

@@ -66,5 +66,4 @@ def picture_view(camera: Seen, tracks: list[Track]) -> PictureView:
             if picture.index in wanted:
                 yield jpeg_of(picture.rgb)
 
-    name = source.stem if camera.images is None else camera.camera.name
-    return PictureView(name, found.time_ns, found.frame_index, jpegs, joints)
+    return PictureView(camera.name, found.time_ns, found.frame_index, jpegs, joints)

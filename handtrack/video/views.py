@@ -15,6 +15,7 @@ from handtrack.cameras.triangulate import triangulate
 from handtrack.errors import InputError
 from handtrack.fitting.images import shift_to_rays
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
+from handtrack.sequences.picture import Picture
 from handtrack.sequences.sequence import Sequence
 from handtrack.video.detections import Detections
 
@@ -146,6 +147,30 @@ def views_of(detections: Items[Detections], cameras: Items[Camera]) -> list[View
     return found
 
 
+def view_of(sequence: Sequence, picture: Picture, camera: Camera) -> Views:
+    """What one camera saw of a hand.
+
+    Args:
+        sequence: the camera's joints of it, in its axes.
+        picture: what its pictures show of them.
+        camera: the camera.
+    """
+    return Views(
+        hand=sequence.hand,
+        name=sequence.name,
+        source=sequence.source,
+        cameras=(camera,),
+        time_ns=sequence.time_ns,
+        frame_index=sequence.frame_index,
+        image=picture.image[:, None],
+        score=picture.sure.max(1)[:, None],
+        points=_onto_rays(sequence.joints, picture.image, camera),
+        notes=sequence.notes,
+        sure=picture.sure[:, None],
+        detector=sequence.detector,
+    )
+
+
 def _sure(detections: Items[Detections], named: list[Hand]) -> Array | None:
     """(T, C, 21) of each joint, where all detectors say it."""
     each = [d.sure[h] for d, h in zip(detections, named, strict=True) if d.sure is not None]
@@ -180,12 +205,21 @@ def _check(detections: Items[Detections], cameras: Items[Camera]) -> None:
                 d.source,
             )
     for d, camera in zip(detections, cameras, strict=True):
-        if camera.size is not None and camera.size != d.size:
-            raise InputError(
-                f"the pictures are {d.size[0]} x {d.size[1]}, camera {camera.name} was"
-                f" calibrated for {camera.size[0]} x {camera.size[1]}",
-                d.source,
-            )
+        check_size(camera, d.size, d.source)
+
+
+def check_size(camera: Camera, size: tuple[int, int], source: str) -> None:
+    """Refuse pictures of another size than a camera was calibrated for.
+
+    Raises:
+        InputError: they are.
+    """
+    if camera.size is not None and camera.size != size:
+        raise InputError(
+            f"the pictures are {size[0]} x {size[1]}, camera {camera.name} was"
+            f" calibrated for {camera.size[0]} x {camera.size[1]}",
+            source or None,
+        )
 
 
 def _rate(d: Detections) -> float:

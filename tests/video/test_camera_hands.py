@@ -53,6 +53,9 @@ def test_labels_of_a_video_are_exchanged(video, choice, hand, capsys):
     assert track.model.hand == hand
 
 
-def test_a_hand_that_nobody_saw_is_told(video, capsys):
-    assert run(["track", video, "-o", "a.mcap", "--hand", "right", "--fov", "60"]) == 2
-    assert "there is no right hand" in capsys.readouterr().err
+@pytest.mark.parametrize("lens", [(), ("--fov", "60")])
+def test_the_only_hand_is_what_the_user_says(video, lens, capsys):
+    assert run(["track", video, "-o", "a.mcap", "--hand", "right", *lens]) == 0
+    assert "labelled left, taken as right as asked" in capsys.readouterr().err
+    (track,) = ht.read_mcap("a.mcap")
+    assert track.hand == "right"

@@ -104,6 +104,7 @@ def two_hands(raw: Raw) -> list[Raw]:
                 joints=raw.joints[:, part],
                 confidence=confidence,
                 truth=None if raw.truth is None else raw.truth[:, part],
+                shown=None,
                 name=f"{raw.name} hand {k}",
                 notes=(*raw.notes, note) if k == 1 else (),
             )

@@ -29,6 +29,7 @@ from handtrack.sequences.readers.raw import (
     Array,
     NotJointsError,
     Raw,
+    Shown,
     Unit,
     as_fps,
     as_hand,
@@ -112,8 +113,60 @@ def from_fields(fields: Mapping[str, Any], path: Path) -> Raw:
     if sure is not None:
         raw.confidence = _confidence(there[sure], joints, path)
     raw.truth = _truth(fields, key, unit, joints, path)
+    raw.shown = shown_by(fields, key, joints, path) if raw.detector else None
     _refuse_meant(there, path)
     return raw
+
+
+_SIZES = ("size_px", "image_size", "picture_size", "frame_size", "video_size", "resolution")
+
+
+def shown_by(fields: Mapping[str, Any], key: str, joints: Array, path: Path) -> Shown | None:
+    """Where a picture shows a detector's joints, by `image_px` or landmarks beside those in space.
+
+    Raises:
+        InputError: what `detect` writes of the pictures has another shape, or is no size.
+    """
+    ours = fields.get("image_px")
+    if ours is not None:
+        if np.shape(ours) != (len(joints), N_JOINTS, 2):
+            expected = (len(joints), N_JOINTS, 2)
+            raise InputError(f"image_px has shape {np.shape(ours)}, expected {expected}", path)
+        return Shown(np.asarray(ours, dtype=np.float64), size_of(fields, path))
+    for name, value in fields.items():
+        if name == key or not isinstance(value, np.ndarray) or value.ndim != 3:
+            continue
+        beside = "world" not in words(name) and {"landmarks", "image"} & set(words(name))
+        if beside and value.shape[:2] == joints.shape[:2] and value.dtype.kind in "fiu":
+            points = np.where(np.isfinite(value).all(-1, keepdims=True), value, np.nan)
+            return Shown(points[..., :2].astype(np.float64), size_of(fields, path))
+    return None
+
+
+def size_of(fields: Mapping[str, Any], path: Path) -> tuple[int, int] | None:
+    """(width, height) of pictures [px] by name; None where nothing says it.
+
+    Raises:
+        InputError: it is none.
+    """
+    there = {key.lower(): value for key, value in fields.items() if value is not None}
+    name = next((n for n in _SIZES if n in there), None)
+    if name is not None:
+        size = there[name]
+    else:
+        sides = [
+            next((there[k] for k in (f"image_{side}", f"frame_{side}", side) if k in there), None)
+            for side in ("width", "height")
+        ]
+        if None in sides:
+            return None
+        name, size = "width, height", sides
+    if isinstance(size, Mapping):
+        size = [size.get("width"), size.get("height")]
+    array = np.atleast_1d(np.asarray(size))
+    if array.shape != (2,) or array.dtype.kind not in "iuf" or not (array > 0).all():
+        raise InputError(f"{name} is {str(size)[:40]}, expected width and height", path)
+    return int(array[0]), int(array[1])
 
 
 _TOLD = ("rejected",)

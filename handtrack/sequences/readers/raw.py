@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,23 @@ def within(where: str, path: Path) -> Iterator[None]:
         raise InputError(f"{where}: {text}", path) from None
 
 
+class Shown(NamedTuple):
+    """Where one camera's picture shows joints.
+
+    Attributes:
+        points: (T, N, 2) x to the right and y down, in pixels, or as shares of the picture's width
+            and height; NaN where a joint is not seen.
+        size: (width, height) of the pictures [px], or None where the source does not say.
+    """
+
+    points: Array
+    size: tuple[int, int] | None = None
+
+    def take(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Shown:
+        """Those of some frames."""
+        return self._replace(points=self.points[rows])
+
+
 @dataclass
 class Raw:
     """One hand over time, in the source's unit and joint order, not yet checked.
@@ -72,6 +89,7 @@ class Raw:
         picture: whether these are places in a picture: "deep", with a z that says how much nearer
             than the wrist a joint is, in the unit of x, as MediaPipe has it; "flat", without (z is
             0); "": joints in space.
+        shown: of one camera's joints in space where its picture shows them, or None.
         notes: for the user, one line each.
     """
 
@@ -94,6 +112,7 @@ class Raw:
     tagged: bool = False
     detector: str = ""
     picture: Literal["", "deep", "flat"] = ""
+    shown: Shown | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -107,6 +126,7 @@ def take_rows(raw: Raw, rows: NDArray[np.int64]) -> Raw:
         frame_index=None if raw.frame_index is None else raw.frame_index[rows],
         confidence=None if raw.confidence is None else raw.confidence[rows],
         truth=None if raw.truth is None else raw.truth[rows],
+        shown=None if raw.shown is None else raw.shown.take(rows),
     )
 
 
