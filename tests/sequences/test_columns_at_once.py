@@ -1,11 +1,19 @@
 """Large tables, which are read by columns: the same as read cell by cell."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import handtrack as ht
 from handtrack.hand.skeleton import JOINT_NAMES
-from handtrack.sequences.readers import columns_at_once, table_cells
+from handtrack.sequences.readers import (
+    columns_at_once,
+    landmark_lines,
+    table_cells,
+    table_places,
+)
 from handtrack.sequences.readers.columns_at_once import AtOnce, Coded, values_of
 
 N = 12
@@ -110,3 +118,95 @@ def test_numbers_of_arrow_without_pandas():
     np.testing.assert_array_equal(values_of(chunks, np.float64), [1.5, np.nan, 2.5])
     np.testing.assert_array_equal(values_of(chunks.slice(1), np.float64), [np.nan, 2.5])
     assert values_of(pa.chunked_array([], pa.int32()), np.int32).tolist() == []
+
+
+def lines_of_hands(joints, change=None):
+    rng = np.random.default_rng(5)
+    out = [] if change is None else [change]
+    for i in range(N):
+        for side in ("Left", "Right") if i % 4 else ("Right",):
+            pose = [f"{v:.6f}" for v in rng.normal(0, 1, 7)]
+            fist = f", {side.lower()}Fist: open" if i % 3 == 0 else ""
+            if i > 1 and i != 6:
+                out.append(f"{side} wrist | f = {i}:, {', '.join(pose)}{fist}")
+            about = f" | f = {i} | t = {i * 10**7}" if i != 5 else ""
+            numbers = ", ".join(f"{v:.6f}" for v in joints[i].ravel())
+            out.append(f"{side} landmarks{about}:, {numbers}")
+        out.append("Head pose:, 0, 0, 0, 0, 0, 0, 1\n")
+    return "\n".join(out)
+
+
+ODD_LINES = {
+    "usual": None,
+    "cells missing": "Right landmarks:, 1, 2, 3",
+    "infinite": "Right landmarks:, " + ", ".join(["inf"] * 63),
+    "empty cell": "Right wrist:, 1, 2, , 0, 0, 0, 1",
+    "no rotation": "Right wrist:, 1, 2, 3, 0, 0, 0, 0",
+    "one too many": "Right wrist:, 1, 2, 3, 0, 0, 0, 1, 5",
+    "no line": "what is this",
+}
+
+
+@pytest.mark.parametrize("kind", ODD_LINES)
+def test_lines_of_hands_the_same_as_line_by_line(monkeypatch, joints, kind):
+    data = lines_of_hands(joints, ODD_LINES[kind]).encode()
+    outcomes = []
+    for large in (10**9, 0):
+        monkeypatch.setattr(landmark_lines, "LARGE", large)
+        try:
+            outcomes.append(landmark_lines.read_landmark_lines(data, Path("a.txt")))
+        except ht.HandtrackError as error:
+            outcomes.append(str(error))
+    assert isinstance(outcomes[0], str) == (kind != "usual")
+    if kind != "usual":
+        assert outcomes[0] == outcomes[1]
+        return
+    for slow, quick in zip(*outcomes, strict=True):
+        np.testing.assert_allclose(quick.joints, slow.joints, rtol=0, atol=1e-15)
+        assert (quick.hand, quick.stamps) == (slow.hand, slow.stamps)
+
+
+CELLS = {
+    "brackets": "({0}, {1}, {2})",
+    "lists": "[{0},{1},{2}]",
+    "NumPy": "[ {0}  {1} {2}]",
+    "names": "{{'x': {0}, 'y': {1}, 'z': {2}}}",
+    "MediaPipe": "Landmark(x={0}, y={1}, z={2}, visibility=0.0, presence=0.0)",
+    "bare": "{0} {1} {2}",
+}
+DAMAGE = {
+    "whole": lambda text: text,
+    "a coordinate less": lambda text: re.sub(r"(?<=[(\[=: ])-?0\.\d+", "", text, count=1),
+    "a letter": lambda text: text.replace("7", "q", 1),
+    "a number before": lambda text: text.replace('"', '"5', 1),
+    "a bracket less": lambda text: (
+        text[: text.rindex(")")] + text[text.rindex(")") + 1 :] if ")" in text else text
+    ),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+@pytest.mark.parametrize("kind", CELLS)
+def test_cells_of_places_the_same_as_one_by_one(tmp_path, monkeypatch, joints, kind, damage):
+    rows = ["time," + ",".join(JOINT_NAMES)]
+    for i in range(N):
+        cells = [CELLS[kind].format(*(f"{v:.7f}" for v in point)) for point in joints[i]]
+        rows.append(f"{i / 60:.4f}," + ",".join(f'"{cell}"' for cell in cells))
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([rows[0], DAMAGE[damage]("\n".join(rows[1:]))]))
+    quick = outcome(path)
+    monkeypatch.setattr(table_places, "_alike", lambda *_: None)
+    assert outcome(path) == quick
+    assert isinstance(quick, str) or damage in ("whole", "a bracket less", "a number before")
+
+
+def test_cells_of_places_are_read_at_once(joints):
+    for kind, form in CELLS.items():
+        cells = [[form.format(*(f"{v:.7f}" for v in p)) for p in frame] for frame in joints]
+        lines = ["\x1f".join(row) for row in cells]
+        split = [line.split("\x1f") for line in lines]
+        first = "\x1f".join(f"{v:.7f}" for v in joints[0].ravel())
+        rows = table_places._literally(lines, "\x1f", split[0], first)
+        assert rows is not None, kind
+        found = np.array([row.split("\x1f") for row in rows], float).reshape(N, 21, 3)
+        np.testing.assert_array_equal(found, np.round(joints, 7))

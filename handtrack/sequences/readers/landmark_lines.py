@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
+from collections.abc import Sequence as Items
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,7 +24,9 @@ from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.readers.catalogue import Format, Way
+from handtrack.sequences.readers.columns_at_once import LARGE
 from handtrack.sequences.readers.fields import frame_numbers
+from handtrack.sequences.readers.landmark_numbers import joints_of_lines
 from handtrack.sequences.readers.raw import Array, Raw, stem
 
 _LINE = re.compile(rb"\s*(left|right)\s+(wrist|landmarks)\b([^:]{0,200}):", re.IGNORECASE)
@@ -108,7 +111,7 @@ class LandmarkLines:
         found: list[Moment] = []
         for line in data.splitlines():
             if line.strip():
-                found += self._line(line)
+                found += self.line(line)
         return found
 
     def rest(self) -> list[dict[str, Any]]:
@@ -119,7 +122,16 @@ class LandmarkLines:
         """The same as `rest`, as arrays."""
         return self._frame() if self._waiting else []
 
-    def _line(self, line: bytes) -> list[Moment]:
+    def line(self, line: bytes, placed: Array | None = None) -> list[Moment]:
+        """The moments that a line completes.
+
+        Args:
+            line: it.
+            placed: its joints (21, 3), empty of other lines; None: they are read from it.
+
+        Raises:
+            InputError: as `take`.
+        """
         found = _LINE.match(line)
         if found is None:
             if _OTHER.match(line):
@@ -130,6 +142,8 @@ class LandmarkLines:
             )
         hand: Hand = "left" if found[1].lower() == b"left" else "right"
         values = line[found.end() :].split(b",")
+        if placed is not None:
+            return self._joints(hand, placed, found[3]) if len(placed) else []
         if found[2].lower() == b"wrist":
             # some add the fist's state
             pose = self._numbers(
@@ -143,7 +157,10 @@ class LandmarkLines:
         if hand in self._wrists:
             place, turn = self._wrists[hand]
             joints = joints @ turn.T + place
-        said = {key.lower()[:1].decode(): int(value) for key, value in _ABOUT.findall(found[3])}
+        return self._joints(hand, joints, found[3])
+
+    def _joints(self, hand: Hand, joints: Array, about: bytes) -> list[Moment]:
+        said = {key.lower()[:1].decode(): int(value) for key, value in _ABOUT.findall(about)}
         other = self._waiting and (hand in self._waiting or said != self._stamp)
         frames = self._frame() if other else []
         joining = bool(self._lately) and hand not in self._lately
@@ -188,9 +205,11 @@ def read_landmark_lines(data: bytes, path: Path) -> list[Raw]:
     lines = data.splitlines()
     if len(lines) > _MOST:
         raise InputError(f"has {len(lines)} lines", path)
-    for n, line in enumerate(lines, 1):
+    together = joints_of_lines(list(map(_LINE.match, lines))) if len(data) > LARGE else None
+    placed: Items[Array | None] = together or [None] * len(lines)
+    for n, (line, joints) in enumerate(zip(lines, placed, strict=True), 1):
         try:
-            new = stream.moments(line)
+            new = stream.line(line, joints) if line.strip() else []
         except InputError as error:
             text = str(error).removeprefix(f"{path}: ")
             raise InputError(text, Path(f"{path}, line {n}")) from None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Callable
 from collections.abc import Sequence as Items
@@ -14,7 +13,7 @@ import numpy as np
 from handtrack.errors import InputError
 from handtrack.sequences.readers.columns_at_once import LARGE, MISSING, AtOnce, Coded
 from handtrack.sequences.readers.raw import Array
-from handtrack.sequences.readers.table_lines import lines_of
+from handtrack.sequences.readers.table_lines import lines_of, unquoted
 from handtrack.sequences.readers.table_places import (
     NORMALISED,
     SEPARATOR,
@@ -193,10 +192,7 @@ def read_cells(data: bytes, path: Path) -> Table:
     else:
         separator = _separator(lines)
     if separator is not None and quoted:
-        lines = [
-            _unquoted(line, separator, place, path)
-            for line, place in zip(lines, places, strict=True)
-        ]
+        lines = unquoted(lines, separator, places, path)
         separator = SEPARATOR
     n_titles = _title_lines(lines, separator)
     titles = [_cells(line, separator) for line in lines[:n_titles]]
@@ -244,13 +240,6 @@ def _cells(line: str, separator: str | None) -> list[str]:
     if separator is None:
         return line.split()
     return [cell.strip() for cell in line.split(separator)]
-
-
-def _unquoted(line: str, separator: str, place: int, path: Path) -> str:
-    try:
-        return SEPARATOR.join(next(csv.reader([line], delimiter=separator, skipinitialspace=True)))
-    except csv.Error as error:
-        raise InputError(f"line {place}: {error}", path) from None
 
 
 def _title_lines(lines: list[str], separator: str | None) -> int:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterator
+from collections.abc import Sequence as Items
 from pathlib import Path
 
 from handtrack.errors import InputError
 from handtrack.sequences.readers.jsontext import as_utf8
 from handtrack.sequences.readers.raw import NotJointsError
+from handtrack.sequences.readers.table_places import SEPARATOR
 
 _LONGEST = 200_000
 _HEAD = 20
@@ -58,14 +61,16 @@ def lines_of(data: bytes, path: Path) -> tuple[list[str], list[int], str]:
 
 
 def _plain_lines(text: str) -> list[str] | None:
-    """The lines of a text without quotes, comments, blank and long ones, which is the usual case;
-    None where it has any."""
-    if '"' in text or "#" in text or "\r" in text.replace("\r\n", ""):
+    """The lines of a text without comments, blank and long ones, and cells of several lines: the
+    usual case. None where it has any."""
+    if "#" in text or "\r" in text.replace("\r\n", ""):
         return None
     lines = text.replace("\r\n", "\n").split("\n")
     while lines and not lines[-1].strip():
         lines.pop()
     if not lines or not all(map(str.strip, lines)) or max(map(len, lines)) > _LONGEST:
+        return None
+    if '"' in text and any(line.count('"') % 2 for line in lines):
         return None
     return lines
 
@@ -83,3 +88,31 @@ def _whole(lines: list[str]) -> Iterator[tuple[int, str]]:
             line = " ".join(lines[at : at + n])
         yield at + 1, line
         at += n
+
+
+def unquoted(lines: list[str], separator: str, places: Items[int], path: Path) -> list[str]:
+    """Lines whose cells may be in quotes, as lines of cells between `SEPARATOR`.
+
+    Raises:
+        InputError: a line that cannot be read.
+    """
+    return _all_unquoted(lines, separator) or [
+        _unquoted(line, separator, place, path) for line, place in zip(lines, places, strict=True)
+    ]
+
+
+def _all_unquoted(lines: list[str], separator: str) -> list[str] | None:
+    """All lines' cells, None where one goes over several or cannot be read."""
+    try:
+        cells = csv.reader(lines, delimiter=separator, skipinitialspace=True)
+        out = [SEPARATOR.join(row) for row in cells]
+    except csv.Error:
+        return None
+    return out if len(out) == len(lines) else None
+
+
+def _unquoted(line: str, separator: str, place: int, path: Path) -> str:
+    try:
+        return SEPARATOR.join(next(csv.reader([line], delimiter=separator, skipinitialspace=True)))
+    except csv.Error as error:
+        raise InputError(f"line {place}: {error}", path) from None

@@ -32,7 +32,9 @@ _INSIDE = re.compile(r"[,;\t]")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)\b|None\b|null\b"
 _WRAPPER = re.compile(r"(?:np\.|numpy\.)?\b(?:array|float\d*|dtype=\w+)")
 _BETWEEN = re.compile(r"[\s,;|()\[\]{}]+")
-_NAMED = re.compile(rf"(?<![a-zA-Z])([xyzXYZ])['\"]?\s*[:=]\s*(?:np\.float\d+\()?({_NUMBER})")
+_NAMED = re.compile(
+    rf"(?<![a-zA-Z])([xyzXYZ])['\"]?\s*[:=]\s*(?:np\.float\d+\()?({_NUMBER})(?![\w.])"
+)
 _MISSING = {"none", "null"}
 _LONGEST = 20_000
 
@@ -118,6 +120,7 @@ def spread(
     return out, named
 
 
+_NO_NUMBERS = str.maketrans("", "", "0123456789+-.eE")
 _LITERAL_BLANKS = re.compile(r"(?:\\ |\s)+")
 _PLAIN = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
 
@@ -137,12 +140,89 @@ def _alike(
     if mark is None:
         return None
     groups = SEPARATOR.join(rf"\{i + 1}" for i in range(width))
+    places = [cells[c] for c in widths]
+    quick = _literally(
+        lines, mark, places, re.sub(template, groups, lines[0]).replace(mark, SEPARATOR)
+    )
+    if quick is not None:
+        return quick
     text, count = re.subn(template, groups, "\n".join(lines))
     if count != len(widths) * len(lines):
         return None
     rows = text.replace(mark, SEPARATOR).split("\n")
     n = len(cells) - 1 + (width - 1) * len(widths)
     return rows if all(row.count(SEPARATOR) == n for row in rows) else None
+
+
+def _literally(lines: list[str], mark: str, places: list[str], first: str) -> list[str] | None:
+    """The rows where no more than the coordinates differ in the cells of places; None where other
+    than numbers would stay.
+
+    Args:
+        lines: of data.
+        mark: between their cells.
+        places: the first line's cells that hold one.
+        first: the first line as a row.
+    """
+    around = [[_squeezed(part) for part in _around(place, _numbers(place))] for place in places]
+    if any(parts != around[0] for parts in around):
+        return None
+    before, *between, after = around[0]
+    text = "\n".join(("", *lines, ""))
+    stop = between[0].strip()
+    if len(stop) == 1 and len({*between}) == 1 and {*before, *after} <= {*" ()[]{}"}:
+        return _by_letters(text, lines, mark, (before, between[0], after), first)
+    text = _squeezed(text)
+    text = text.replace(f"{after}{mark}{before}", mark)
+    for part in dict.fromkeys(between):
+        text = text.replace(part, SEPARATOR)
+    for edge in (mark, "\n"):
+        text = text.replace(f"{edge}{before}", edge).replace(f"{after}{edge}", edge)
+    text = text.replace(mark, SEPARATOR)
+    rows = text[1:-1].split("\n")
+    form = first.translate(_NO_NUMBERS)
+    if any(row.translate(_NO_NUMBERS) != form for row in rows) or len(rows) != len(lines):
+        return None
+    empty = (
+        f"{SEPARATOR}{SEPARATOR}" in text or f"\n{SEPARATOR}" in text or f"{SEPARATOR}\n" in text
+    )
+    return None if empty else rows
+
+
+def _by_letters(
+    text: str, lines: list[str], mark: str, around: tuple[str, str, str], first: str
+) -> list[str] | None:
+    """The same where brackets can be blanks, and one letter stands between coordinates."""
+    before, between, after = around
+    form = lines[0].translate(_NO_NUMBERS)
+    if any(line.translate(_NO_NUMBERS) != form for line in lines):
+        return None
+    if any(a + b in text for a in (before, between) for b in (between, after)):
+        return None  # a coordinate is empty
+    blanks, stops = before + after, mark + between.strip()
+    letters = str.maketrans(blanks + stops, " " * len(blanks) + SEPARATOR * len(stops))
+    rows = text[1:-1].translate(letters).split("\n")
+    as_first = SEPARATOR.join(cell.strip() for cell in rows[0].split(SEPARATOR))
+    return rows if as_first == first else None
+
+
+def _squeezed(text: str) -> str:
+    """Text with one blank for several, as in NumPy's columns, and none within a bracket."""
+    while "  " in text:
+        text = text.replace("  ", " ")
+    for bracket in "([{":
+        text = text.replace(f"{bracket} ", bracket)
+    return text
+
+
+def _around(cell: str, numbers: list[str]) -> list[str]:
+    """What stands before, between and after the coordinates of a cell."""
+    out, at = [], 0
+    for number in numbers:
+        begin = cell.index(number, at)
+        out.append(cell[at:begin])
+        at = begin + len(number)
+    return [*out, cell[at:]]
 
 
 def _template(cell: str, width: int) -> str | None:
