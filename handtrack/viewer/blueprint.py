@@ -187,18 +187,23 @@ def _plots(hand: Shown, look: Look) -> rrb.Vertical:
     """The angles of a hand and its events, and its errors."""
     topic = hand.topic
     views = [_plot(f"{f} [deg]", "angles", [f"/angles/{topic}/{f}/**"], look) for f in FINGERS]
-    errors = _plot(_errors_name(hand), f"errors/{topic}", None, look, key=True)
+    errors = _plot(_errors_name(hand), f"errors/{topic}", None, look)
     return _arranged([*views, _log([topic])], errors, topic)
 
 
 def _errors_name(hand: Shown) -> str:
-    """What was seen in pictures has its error there: beside its plot, whose observed joints are
-    only what was made of the pictures."""
+    """With the colours, as a legend would lie over the lines (those of `style.ERRORS`).
+
+    What was seen in pictures has its error there: its observed joints are only what was made of
+    the pictures."""
+    name = "errors [mm]: to the observed, mean blue, max grey"
+    if hand.track.truth is not None:
+        name += "; to the truth, mean green"
     pixels = reprojection_px(hand.track.settings)
     if pixels is None or not isinstance(pixels.get("mean"), int | float):
-        return "errors [mm]"
-    mean, p95 = (float(pixels.get(name, np.nan)) for name in ("mean", "p95"))
-    return f"errors [mm]; in the pictures: mean {mean:.1f} px, p95 {p95:.1f} px"
+        return name
+    mean, p95 = (float(pixels.get(part, np.nan)) for part in ("mean", "p95"))
+    return f"{name}; in the pictures, mean {mean:.1f} px, p95 {p95:.1f} px"
 
 
 def _compared(hand: Shown, first: Shown, look: Look) -> rrb.Vertical:
@@ -210,7 +215,7 @@ def _compared(hand: Shown, first: Shown, look: Look) -> rrb.Vertical:
         contents.append(f"/angles/{first.topic}/{finger}/limits")
         views.append(_plot(f"{finger} [deg]", "angles", contents, look))
     difference = f"difference/{hand.topic}"
-    below = _plot("between the joints [mm]", difference, None, look, key=True)
+    below = _plot("between the joints [mm]: mean blue, max grey", difference, None, look)
     name = f"{first.topic}, pale: {hand.topic}"
     return _arranged([*views, _log(topics)], below, name)
 
@@ -232,10 +237,8 @@ def _log(topics: Sequence[str]) -> rrb.TextLogView:
     )
 
 
-def _plot(
-    name: str, origin: str, contents: list[str] | None, look: Look, key: bool = False
-) -> rrb.TimeSeriesView:
-    """A plot; only what the key beside the plots does not tell has a key in it."""
+def _plot(name: str, origin: str, contents: list[str] | None, look: Look) -> rrb.TimeSeriesView:
+    """A plot, without a key in it: the strip above the plots and their names tell."""
     import rerun.blueprint as rrb
 
     ground = style.ground(look.light)
@@ -243,6 +246,6 @@ def _plot(
         origin=origin,
         contents=contents or "$origin/**",
         name=name,
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=key),
+        plot_legend=rrb.PlotLegend(visible=False),
         **(plot_background(ground.plot) if ground.plot else {}),
     )

@@ -16,9 +16,10 @@ if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
 
-_LETTER, _SPACE, _HEIGHT, _MIDDLE = 7.2, 26.0, 40.0, 10.0  # in pixels of a picture as wide
+_LETTER, _SPACE, _HEIGHT, _MIDDLE = 7.2, 26.0, 40.0, 14.0  # in pixels of a picture as wide
 _TURN = np.linspace(0, 2 * np.pi, 25)
-_CIRCLE = 6.0 * np.stack([np.cos(_TURN), np.sin(_TURN)], 1)
+_ABOVE = np.array([0.0, -6.0])  # of a sign from the top of its name
+_CIRCLE = 5.0 * np.stack([np.cos(_TURN), np.sin(_TURN)], 1)
 
 
 class Entry(NamedTuple):
@@ -118,10 +119,12 @@ def _log(recording: rr.RecordingStream, entity: str, entries: Sequence[Entry], l
         colours = [entries[i].colour for i in some]
         widths = [-entries[i].width for i in some]  # below zero: of the screen
         if sign == "dot":
-            dots = rr.Points2D([at[i] for i in some], radii=widths, colors=colours)
+            dots = rr.Points2D([at[i] + _ABOVE for i in some], radii=widths, colors=colours)
             recording.log(f"{entity}/dots", dots, static=True)
         elif some:
-            strips = [at[i] + (_CIRCLE if sign == "ring" else [[-14, 0], [14, 0]]) for i in some]
+            strips = [
+                at[i] + _ABOVE + (_CIRCLE if sign == "ring" else [[-14, 0], [14, 0]]) for i in some
+            ]
             radii = [-1.0] * len(some) if sign == "ring" else [width / 2 for width in widths]
             drawn = rr.LineStrips2D(strips, radii=radii, colors=colours)
             recording.log(f"{entity}/{sign}s", drawn, static=True)

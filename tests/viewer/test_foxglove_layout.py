@@ -53,6 +53,7 @@ def test_every_topic_and_field_is_in_recordings(layout: dict[str, Any], tmp_path
         "/right/model",
         "/right/event",
         "/right/transforms",
+        "/right/robot_description",  # the skin is drawn
     }
     assert {t.replace("/left/", "/right/") for t in topics} <= found
     assert not re.search("velocity|effort", json.dumps(layout))
