@@ -28,7 +28,7 @@ from handtrack.cli.options import (
     tracking_options,
 )
 from handtrack.cli.pictures import no_picture_option
-from handtrack.errors import SettingsError
+from handtrack.errors import HandtrackError, SettingsError
 
 if TYPE_CHECKING:
     from handtrack.batching.clip import Clip
@@ -246,12 +246,25 @@ def _bytes(size: int) -> str:
 
 
 def _say(outcome: Outcome, output: str, as_json: bool, quiet: bool) -> None:
+    """Print what came of it.
+
+    Raises:
+        HandtrackError: no file holds joints of a hand.
+    """
+    from handtrack.batching.rows import PASSED
+
+    rows = outcome.table.select(["clip", "state", "error"]).to_pylist()
+    passed = {row["clip"]: row["error"] for row in rows if row["state"] == PASSED}
+    if passed and all(row["state"] == PASSED for row in rows):
+        others = f" (and {len(passed) - 1:,} more such files)" if len(passed) > 1 else ""
+        raise HandtrackError(f"nothing could be tracked: {next(iter(passed.values()))}{others}")
     if as_json:
         said = {
             "output": output,
             "rows": outcome.table.num_rows,
             "tracked": outcome.tracked,
             "skipped": outcome.skipped,
+            "passed_over": len(passed),
             "frames": outcome.frames,
             "seconds": outcome.seconds,
             "failed": [{"path": path, "error": error} for path, error in outcome.failed],
@@ -270,8 +283,9 @@ def _say(outcome: Outcome, output: str, as_json: bool, quiet: bool) -> None:
     if quiet:
         return
     rate = outcome.frames / max(outcome.seconds, 1e-3)
+    without = f" {len(passed):,} hold no hand joints," if passed else ""
     click.echo(
         f"tracked {outcome.tracked:,} clips ({outcome.frames:,} frames at {rate:,.0f} frames/s) in"
-        f" {duration(outcome.seconds)}, {outcome.skipped:,} were done before,"
+        f" {duration(outcome.seconds)}, {outcome.skipped:,} were done before,{without}"
         f" {len(outcome.failed):,} failed -> {output}"
     )

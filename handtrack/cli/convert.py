@@ -13,7 +13,7 @@ from handtrack.cli.helping import Command
 from handtrack.cli.inputs import Reading
 from handtrack.cli.models import hand_model_option, model_options, take_models
 from handtrack.cli.options import json_option, quiet_option, reading_options
-from handtrack.cli.outputs import overwrite_option, refuse_existing
+from handtrack.cli.outputs import check_place, overwrite_option, refuse_existing
 from handtrack.cli.progress import compiling_said
 from handtrack.errors import InputError, SettingsError
 
@@ -81,6 +81,7 @@ def convert(
     if folder and to is None:
         raise SettingsError(f"{output} is a folder: say the format with --to")
     name = target_of(output / f"x{TARGETS[to].ending}" if folder and to in TARGETS else output, to)
+    check_place(output / "x" if folder else output)
     made: list[Converted] = []
     with compiling_said(quiet or as_json):
         for source, found in _found(input, reading, quiet or as_json, folder):

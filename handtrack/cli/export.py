@@ -12,7 +12,7 @@ from handtrack.cli.helping import Command
 from handtrack.cli.inputs import recordings
 from handtrack.cli.models import model_options, take_models
 from handtrack.cli.options import json_option, part_options, quiet_option, setting_option
-from handtrack.cli.outputs import overwrite_option, refuse_existing
+from handtrack.cli.outputs import check_place, overwrite_option, refuse_existing
 from handtrack.errors import SettingsError
 from handtrack.exporting.settings import ExportSettings
 
@@ -83,6 +83,7 @@ def export(
         )
     if len(found) > 1 and not folder:
         raise SettingsError(f"{len(found)} recordings need a folder to go to, not {output}")
+    check_place(output / "x" if folder else output)
     given = take_models(options, "anatomical")
     written = []
     for path in found:

@@ -198,6 +198,11 @@ def check_target(
         raise SettingsError(f"{option} {path}: expected a name that ends in {suffix}")
     if new:
         refuse_existing([path], f"{option} gives another name")
+    check_place(path)
+
+
+def check_place(path: Path) -> None:
+    """Refuse a file whose folder can be neither made nor written to."""
     above = next(folder for folder in path.absolute().parents if folder.exists())
     if not above.is_dir():
         raise SettingsError(f"{path} cannot be written: {above} is no folder")
