@@ -13,13 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.detectors.correction import N_PLACES, Correction
+from handtrack.detectors.correction import Correction
+from handtrack.detectors.corrections_file import read_correction, written_correction
+from handtrack.detectors.rows import DIGITS, as_number, as_object, as_rows, named
 from handtrack.errors import InputError, SettingsError, shown
 from handtrack.files.texts import parse_json, read_json
 from handtrack.files.whole import whole_file
 from handtrack.hand.axes import rest_frames
 from handtrack.hand.model import HandModel
-from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS, Hand
+from handtrack.hand.skeleton import N_JOINTS, Hand
 
 Array = NDArray[np.float64]
 
@@ -156,8 +158,6 @@ _ROWS = {"constant_mm": "constant", "fading_mm": "fading", "white_mm": "white", 
 _NUMBERS = ("fades_s", "view", "finger", "outliers", "scale", "scale_fades_s")
 # profiles that were written before it had a name do not tell it
 _SIZE = "size"
-# numbers are written to so many digits
-_DIGITS = 4
 _LIST = re.compile(r"\[[^\[\]{}\"]*\]")
 
 
@@ -207,44 +207,18 @@ def save_profile(profile: Profile, path: str | Path) -> Path:
         "detector": profile.detector,
         "input": profile.input,
         "units": "offsets: palm lengths, along the bone, towards the thumb's side, out of the back",
-        "offsets": _named(profile.offsets),
-        "noise": {name: _named(values) for name, values in rows.items()}
-        | {name: round(getattr(noise, name), _DIGITS) for name in (*_NUMBERS, _SIZE)},
+        "offsets": named(profile.offsets),
+        "noise": {name: named(values) for name, values in rows.items()}
+        | {name: round(getattr(noise, name), DIGITS) for name in (*_NUMBERS, _SIZE)},
         "evidence": dict(profile.evidence),
     }
     if profile.correction is not None:
-        content["correction"] = _written(profile.correction)
+        content["correction"] = written_correction(profile.correction)
     text = _LIST.sub(_on_a_line, json.dumps(content, indent=1, allow_nan=False)) + "\n"
     path.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
     return path
-
-
-def _written(correction: Correction) -> dict[str, Any]:
-    """The mean of a hand by joints; the slopes of each joint's three coordinates, a row each."""
-    slopes = correction.slope.reshape(len(JOINT_NAMES), 3, N_PLACES)
-    parts = {name: getattr(correction, name) for name in ("mean", "spread", "shift")}
-    return {name: _named(values) for name, values in {**parts, "slope": slopes}.items()}
-
-
-def _correction(content: Any, path: Path) -> Correction | None:
-    if content is None:
-        return None
-    said = _object(content, "correction", path)
-    parts = {n: _rows(said.get(n), f"correction.{n}", path) for n in ("mean", "spread", "shift")}
-    by_joint = _object(said.get("slope"), "correction.slope", path)
-    rows = []
-    for joint in JOINT_NAMES:
-        name = f"correction.slope.{joint}"
-        given = by_joint.get(joint)
-        if not isinstance(given, list) or len(given) != 3:
-            raise InputError(f"{name} expects 3 rows of {N_PLACES} numbers", path)
-        for row in given:
-            if not isinstance(row, list) or len(row) != N_PLACES:
-                raise InputError(f"{name} expects 3 rows of {N_PLACES} numbers", path)
-            rows.append([_number(x, name, path) for x in row])
-    return Correction(**parts, slope=np.array(rows))
 
 
 def _on_a_line(numbers: re.Match[str]) -> str:
@@ -255,26 +229,23 @@ def _resource(name: str) -> Any:
     return resources.files("handtrack.detectors") / "data" / f"{name}.json"
 
 
-def _named(values: NDArray[np.float64]) -> dict[str, Any]:
-    return dict(zip(JOINT_NAMES, np.round(values, _DIGITS).tolist(), strict=True))
-
-
 def _parsed(content: Any, path: Path) -> Profile:
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise InputError(f'{_WRONG}: "format" is not "{FORMAT}"', path)
     if content.get("version") != VERSION:
         found = shown(content.get("version"), 40)
         raise InputError(f"is a detector profile of version {found}, expected {VERSION}", path)
-    said = _object(content.get("noise"), "noise", path)
+    said = as_object(content.get("noise"), "noise", path)
     rows = {
-        field: _rows(said.get(name), f"noise.{name}", path) / (_MM if name.endswith("mm") else 1.0)
+        field: as_rows(said.get(name), f"noise.{name}", path)
+        / (_MM if name.endswith("mm") else 1.0)
         for name, field in _ROWS.items()
     }
     told: dict[str, Any] = dict(rows)
-    told |= {name: _number(said.get(name), f"noise.{name}", path) for name in _NUMBERS}
-    told[_SIZE] = _number(said.get(_SIZE, 0.0), f"noise.{_SIZE}", path)
-    offsets = _rows(content.get("offsets"), "offsets", path)
-    evidence = _object(content.get("evidence", {}), "evidence", path)
+    told |= {name: as_number(said.get(name), f"noise.{name}", path) for name in _NUMBERS}
+    told[_SIZE] = as_number(said.get(_SIZE, 0.0), f"noise.{_SIZE}", path)
+    offsets = as_rows(content.get("offsets"), "offsets", path)
+    evidence = as_object(content.get("evidence", {}), "evidence", path)
     try:
         return Profile(
             name=shown(content.get("name", path.stem), 80),
@@ -283,39 +254,7 @@ def _parsed(content: Any, path: Path) -> Profile:
             offsets=offsets,
             noise=Noise(**told),
             evidence=evidence,
-            correction=_correction(content.get("correction"), path),
+            correction=read_correction(content.get("correction"), path),
         )
     except InputError as error:
         raise InputError(str(error), path) from None
-
-
-def _object(value: Any, name: str, path: Path) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise InputError(f"{name} is missing or no object", path)
-    return value
-
-
-def _number(value: Any, name: str, path: Path) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e6:
-        raise InputError(f"{name} is {shown(value, 40)}, expected a number", path)
-    return float(value)
-
-
-def _rows(value: Any, name: str, path: Path) -> NDArray[np.float64]:
-    by_joint = _object(value, name, path)
-    if set(by_joint) != set(JOINT_NAMES):
-        odd = sorted(set(by_joint) ^ set(JOINT_NAMES))[0]
-        raise InputError(
-            f"{name} is of another joint set: {shown(odd, 40)} is not in both; expected the 21 of"
-            f" handtrack, {JOINT_NAMES[0]} to {JOINT_NAMES[-1]}",
-            path,
-        )
-    wide = name == "noise.bone" or not name.startswith("noise.")
-    rows = []
-    for joint in JOINT_NAMES:
-        given = by_joint[joint]
-        numbers = given if isinstance(given, list) else [given]
-        if len(numbers) != (3 if wide else 1) or isinstance(given, list) != wide:
-            raise InputError(f"{name}.{joint} expects {3 if wide else 1} numbers", path)
-        rows.append([_number(x, f"{name}.{joint}", path) for x in numbers])
-    return np.array(rows if wide else [row[0] for row in rows])

@@ -10,7 +10,7 @@ import pytest
 
 import handtrack as ht
 from handtrack.detectors.chosen import told
-from handtrack.detectors.correction import Correction, Palms
+from handtrack.detectors.correction import N_BENDS, Correction, Palms, bends
 from handtrack.detectors.profile import IN_SPACE, Noise, Profile, load_profile, save_profile
 from handtrack.errors import InputError
 from handtrack.evaluation.landmarks import Seen, estimate_profile
@@ -119,6 +119,9 @@ def test_through_a_file_a_recording_and_back(found, tmp_path):
     path = save_profile(found, tmp_path / "p.json")
     again = load_profile(path)
     np.testing.assert_allclose(again.correction.slope, found.correction.slope, atol=6e-5)
+    np.testing.assert_allclose(
+        again.correction.finger.slope, found.correction.finger.slope, atol=6e-5
+    )
     assert len(path.read_text().splitlines()) < 600
     sequence, truth = person(63)
     track = ht.track(sequence, detector=str(path))
@@ -131,12 +134,44 @@ def test_through_a_file_a_recording_and_back(found, tmp_path):
     np.testing.assert_array_equal(retrack(stored).angles, track.angles)
 
 
+def test_a_file_without_fingers_corrects_by_places_alone(found, tmp_path):
+    content = json.loads(save_profile(found, tmp_path / "p.json").read_text())
+    del content["correction"]["finger"]
+    (tmp_path / "old.json").write_text(json.dumps(content))
+    joints = person(64)[0].joints
+    rounded = load_profile(tmp_path / "p.json")
+    alone = replace(rounded.correction, finger=None)
+    old = load_profile(tmp_path / "old.json").corrected(joints, "right")
+    np.testing.assert_array_equal(old, alone.of(joints, "right"))
+    assert np.abs(old - rounded.corrected(joints, "right")).max() > 1e-3
+
+
+def test_bends_are_of_the_own_finger():
+    joints = person(65)[0].joints
+    whole = bends(joints)
+    assert whole.shape == (FRAMES, 5, N_BENDS)
+    pointing = whole[..., :12].reshape(FRAMES, 5, 4, 3)
+    np.testing.assert_allclose(np.linalg.norm(pointing, axis=-1), 1.0)
+    np.testing.assert_allclose(whole[..., 12], whole[..., 0] ** 2)
+    np.testing.assert_allclose(whole[..., -1], whole[..., 11] ** 2)
+    holes = joints.copy()
+    holes[:, 8] = np.nan  # the index finger's tip
+    np.testing.assert_array_equal(np.isnan(bends(holes)).any((0, 2)), [0, 1, 0, 0, 0])
+    moved = joints.copy()
+    moved[:, 12] += 0.01
+    np.testing.assert_array_equal((bends(moved) != whole).any((0, 2)), [0, 0, 1, 0, 0])
+
+
 WRONG = {
     "no slope": (lambda c: c.pop("slope"), "correction.slope"),
     "short row": (lambda c: c["slope"]["wrist"][1].pop(), "slope.wrist expects 3 rows of 63"),
     "text": (lambda c: c["slope"]["wrist"][1].__setitem__(4, "x"), "expected a number"),
     "mean": (lambda c: c["mean"].pop("thumb_tip"), "another joint set"),
     "spread": (lambda c: c["spread"]["thumb_tip"].__setitem__(0, -1), "negative"),
+    "no finger": (lambda c: c["finger"].pop("ring"), "correction.finger.ring is missing"),
+    "short bend": (lambda c: c["finger"]["thumb"]["mean"].pop(), "thumb.mean expects 90 numbers"),
+    "few rows": (lambda c: c["finger"]["index"]["slope"].pop(), "slope expects 12 rows of 90"),
+    "bend's spread": (lambda c: c["finger"]["index"]["spread"].__setitem__(3, -1), "negative"),
 }
 
 
