@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from functools import cache
-from types import FunctionType, SimpleNamespace
+from types import CellType, FunctionType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,14 @@ def plain(kernel: Dispatcher | Solver) -> Callable[..., Any]:
     """A kernel as a Python function, and so all that it calls; a solver's address is the solver."""
     function = kernel.function if isinstance(kernel, Solver) else kernel.py_func
     names = _names(function.__module__)
-    return FunctionType(function.__code__, names, function.__name__, function.__defaults__)
+    cells = tuple(CellType(_plain_too(cell.cell_contents)) for cell in function.__closure__ or ())
+    return FunctionType(
+        function.__code__, names, function.__name__, function.__defaults__, cells or None
+    )
+
+
+def _plain_too(value: Any) -> Any:
+    return plain(value) if isinstance(value, Dispatcher) else value
 
 
 @cache
@@ -37,8 +44,7 @@ def _names(module: str) -> dict[str, Any]:
     if module not in spaces:
         spaces[module] = names = dict(vars(sys.modules[module]))
         for name, value in list(names.items()):
-            if isinstance(value, Dispatcher):
-                names[name] = plain(value)
+            names[name] = _plain_too(value)
         if "call" in names:
             names["call"] = lambda solver, work: plain(solver)(work)
     return spaces[module]

@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 
 FAR = 99
-"""Of tests that import the whole package, which loads what it needs as that is used."""
+"""Of the other tests of the package, which loads what it needs as that is used."""
 
 
 @cache
@@ -35,8 +35,8 @@ def distances(root: Path, place: str, tests: list[str]) -> dict[str, int]:
         tests: files of tests.
 
     Returns:
-        by file: 0 the one named as the module, 1 those that import it, and so on; FAR those that
-        import only the package.
+        by file: 0 the one named as the module, 1 those that import it, and so on; FAR the others
+        of the package.
     """
     package = {_name(root, path): path for path in sorted((root / "handtrack").rglob("*.py"))}
     target = root / place
@@ -55,11 +55,8 @@ def distances(root: Path, place: str, tests: list[str]) -> dict[str, int]:
         level += 1
     found = {test: _from(root / test, steps) for test in tests}
     own = {f"test_{Path(name.replace('.', '/')).name}.py" for name, n in steps.items() if n == 0}
-    return {
-        test: 0 if Path(test).name in own else near
-        for test, near in found.items()
-        if near is not None
-    }
+    nearest = {test: 0 for test in tests if Path(test).name in own}
+    return {test: near for test, near in found.items() if near is not None} | nearest
 
 
 def _from(test: Path, steps: dict[str, int]) -> int | None:

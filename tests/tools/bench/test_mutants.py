@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import ast
+import subprocess
+import sys
 
+import numpy as np
 import pytest
 
 from tools.bench import mutants
-from tools.bench.mutants import Finder
+from tools.bench.distance import FAR, distances
+from tools.bench.mutants import ROOT, Finder
 
 SOURCE = '''\
 """A docstring with 3 numbers."""
@@ -91,3 +95,56 @@ def test_a_fault_that_tests_see_and_one_that_none_sees(tmp_path, monkeypatch, ca
     test.write_text("from handtrack.made.sides import one\n\n\ndef test_one():\n    assert one()\n")
     assert mutants.main(["handtrack/made"]) == 1
     assert "SURVIVED: '1' -> '2'" in capsys.readouterr().out
+
+
+def test_operands_keep_their_parentheses():
+    source = "x = a * (b + c)\ny = (a if b else c) or d\nz = a - (b - c)\n"
+    found = seeded(source)
+    assert ("another operation", "(a / (b + c))") in found
+    assert ("and for or", "((a if b else c) and d)") in found
+    assert ("operands exchanged", "((b - c) - a)") in found
+
+
+def test_tests_are_as_far_as_imports_lie_between(tmp_path):
+    files = {
+        "handtrack/__init__.py": "from handtrack.far import far",
+        "handtrack/near.py": "X = 1",
+        "handtrack/between.py": "from handtrack.near import X",
+        "handtrack/far.py": "def far():\n    from handtrack import between",
+        "handtrack/other.py": "",
+        "tests/helper.py": "import handtrack.near",
+        "tests/a/test_near.py": "",
+        "tests/a/test_helped.py": "import helper",
+        "tests/a/test_between.py": "from handtrack import between",
+        "tests/a/test_far.py": "from handtrack.far import far",
+        "tests/a/test_whole.py": "import handtrack as ht",
+        "tests/a/test_other.py": "from handtrack.other import nothing",
+        "tests/a/test_none.py": "import numpy",
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    tests = [name for name in files if "/test_" in name]
+    found = distances(tmp_path, "handtrack/near.py", tests)
+    named = {name[len("tests/a/test_") : -len(".py")]: n for name, n in found.items()}
+    assert named == {"near": 0, "helped": 1, "between": 2, "far": 3, "whole": FAR, "other": FAR}
+
+
+_TRACK = """
+import sys
+{first}
+import handtrack as ht
+(s,) = ht.load(sys.argv[1])
+tracker = ht.Tracker(ht.HandModel.default(s.hand), filter="kalman", noise_colour=0.2)
+frames = [tracker.step(s.joints[t], int(s.time_ns[t])) for t in range(3)]
+print([[*map(float, [*f.angles, *f.angle_variance])] for f in frames])
+"""
+
+
+def test_plain_kernels_say_what_compiled_ones_do(sample_file):
+    found = []
+    for first in ("import tools.bench.interpreted", ""):
+        code = [sys.executable, "-c", _TRACK.format(first=first), str(sample_file)]
+        run = subprocess.run(code, cwd=ROOT, capture_output=True, text=True, check=True)
+        found.append(np.array(ast.literal_eval(run.stdout)))
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-6, atol=1e-9)
