@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from dense_systems import dense, directions
 from kernel_cases import by_finger
 from plain import plain, positive, record, workspace
 from scipy.spatial.transform import Rotation
 
 from handtrack.hand.model import HandModel
 from handtrack.kernels import arrowhead, covariance, faces, newton
-from handtrack.kernels import derivatives as kernel_derivatives
 from handtrack.kernels.objectives import place
 from handtrack.kernels.workspace import GRADIENT, NORMAL, ROOT, WORK
 
@@ -58,19 +58,6 @@ def root_of(w, h: np.ndarray, g: np.ndarray, seed: int) -> None:
     h[20:, 20:] = positive(rng, 6) + np.eye(6)
     w.system[:, :ROOT], w.system[:, GRADIENT] = h[20:, 20:], g[20:]
     w.system[:, arrowhead.LEAST] = 1e-12
-
-
-def directions(w) -> tuple[np.ndarray, np.ndarray]:
-    """(26, n) What is free, and (26, 26) what the boundaries' curvature adds."""
-    columns, bend = [], np.zeros((N, N))
-    for f in range(FINGERS):
-        c, s = w.normal[:, f]
-        normal, tangent = np.zeros(N), np.zeros(N)
-        normal[4 * f : 4 * f + 2], tangent[4 * f : 4 * f + 2] = (c, s), (-s, c)
-        bend += w.curvature[f] * np.outer(tangent, tangent)
-        made = [normal, tangent, np.eye(N)[4 * f + 2], np.eye(N)[4 * f + 3]]
-        columns += [made[a] for a in range(4) if w.free[a, f]]
-    return np.stack([*columns, *np.eye(N)[20:]], 1), bend
 
 
 def dense_step(w, h: np.ndarray, g: np.ndarray) -> np.ndarray:
@@ -182,22 +169,6 @@ def posed(hand: str, seed: int, unseen: tuple[int, ...] = ()):
     weights = rng.uniform(0.3, 1.0, 21)
     weights[list(unseen)] = 0.0
     return workspace(model, joints, weights, angles, rotation, shift)
-
-
-def dense(w, second: float) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient (26,) and Hessian (26, 26) of half the objective, in the root's frame."""
-    plain(place)(w)
-    plain(kernel_derivatives.differentiate)(w, second)
-    plain(arrowhead.root_hessian)(w)
-    g, h = np.zeros(N), np.zeros((N, N))
-    for f in range(FINGERS):
-        part = slice(4 * f, 4 * f + 4)
-        h[part, part] = w.hessian[:, :, f]
-        h[part, 20:] = w.row[:, :ROOT, f]
-        h[20:, part] = h[part, 20:].T
-        g[part] = w.row[:, GRADIENT, f]
-    h[20:, 20:], g[20:] = w.system[:, :ROOT], w.system[:, GRADIENT]
-    return g, h
 
 
 @pytest.mark.parametrize("hand", ["left", "right"])

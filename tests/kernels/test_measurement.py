@@ -9,8 +9,8 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from handtrack.hand.model import HandModel
-from handtrack.kernels import covariance, exchange, kalman, measurement
-from handtrack.kernels.filter_state import FILTER
+from handtrack.kernels import covariance, drift, exchange, kalman, measurement
+from handtrack.kernels.filter_state import DRIFTING, FILTER
 from handtrack.kernels.workspace import RESULT, WORK
 
 N = 26
@@ -20,7 +20,7 @@ SOLVER = covariance.information
 class Case:
     """A hand, a state, a frame with fractional weights and its raw fit, as all poses: (26,)."""
 
-    def __init__(self, hand: str, seed: int, off: float = 0.05):
+    def __init__(self, hand: str, seed: int, off: float = 0.05, kind: np.dtype = FILTER):
         rng = np.random.default_rng(seed)
         self.model = HandModel.default(hand)
         limits = self.model.limits
@@ -34,7 +34,7 @@ class Case:
         truth = self.joints(self.raw + rng.normal(0, 0.02, N))
         self.targets = truth + rng.normal(0, 2e-3, (21, 3))
         self.targets[[4, 11]] = np.nan
-        s = self.state = record(FILTER, seed)
+        s = self.state = record(kind, seed)
         s.angles[:], s.rotation[:], s.translation[:] = self.angles, self.rotation, self.translation
         s.pose_pose = 1e-2 * positive(rng, N)
         s.noise, s.white = 4e-6, 0.8
@@ -147,6 +147,28 @@ def test_a_state_begins_at_a_raw_fit_with_its_covariance():
     assert not s.pose_speed.any()
     assert not s.velocity.any()
     assert s.known == 1
+
+
+def test_a_state_with_drift_begins_with_as_much_as_a_fit_has_from_lasting_noise():
+    c, speed = Case("left", 4, kind=DRIFTING), np.arange(1.0, N + 1)
+    s, w = c.state, c.work
+    s.colour = 0.6
+    plain(drift.begin_drifting)(w, SOLVER, s, c.targets, c.weights, c.row, speed, 19)
+    at_unit = s.white * s.noise * (c.information(c.raw) + kalman.VAGUE * np.eye(N))
+    at_unit += drift.LEAST_UNIT * np.eye(N)
+    np.testing.assert_allclose(np.linalg.inv(s.unit), at_unit, atol=1e-5 * at_unit.max())
+    np.testing.assert_array_equal(s.rest_rest[:N, :N], np.diag(speed))
+    np.testing.assert_allclose(s.rest_rest[N:, N:], 0.6 * s.noise * s.unit)
+    for zero in (s.rest_rest[:N, N:], s.rest_rest[N:, :N], s.pose_rest, s.velocity, s.drift):
+        assert not zero.any()
+    # a frame with fewer joints says nothing of it, one with as many does
+    kept = s.unit.copy()
+    s.system *= 4.0
+    plain(drift.learn_unit)(s, 18)
+    np.testing.assert_array_equal(s.unit, kept)
+    plain(drift.learn_unit)(s, 19)
+    assert np.trace(s.unit) < 0.5 * np.trace(kept)
+    assert s.unit_seen == 19
 
 
 @pytest.mark.parametrize("ready", [0, 1])
