@@ -129,9 +129,9 @@ class Copy:
         path.write_bytes(data[: mutant.start] + mutant.text.encode() + data[mutant.end :])
         try:
             for way in ways(mutant.path):
-                order = ordered(mutant.path, times[way])
-                if by := self._seen(way, order):
-                    return f"{by} ({way})"
+                for order in ordered(mutant.path, times[way]):
+                    if by := self._seen(way, order):
+                        return f"{by} ({way})"
             return ""
         finally:
             path.write_bytes(data)
@@ -153,12 +153,17 @@ def ways(path: str) -> tuple[str, ...]:
     return (PLAIN, COMPILED) if Path(path).parts[1] == "kernels" else (COMPILED,)
 
 
-def ordered(path: str, times: dict[str, float]) -> list[str]:
-    """Tests, those nearest to a module first, the quick ones of them before the slow ones."""
+def ordered(path: str, times: dict[str, float]) -> tuple[list[str], list[str]]:
+    """Tests that import a module, and the others: nearer ones first, and quick ones of them.
+
+    They are two runs, as loading the others takes longer than most of the first.
+    """
     files = sorted({name.split("::")[0] for name in times})
     near = distances(ROOT, path, files)
-    reached = [name for name in times if name.split("::")[0] in near]
-    return sorted(reached, key=lambda name: (near[name.split("::")[0]], times[name]))
+    steps = {name: near[file] for name in times if (file := name.split("::")[0]) in near}
+    reached = sorted(steps, key=lambda name: (steps[name], times[name]))
+    first = [name for name in reached if steps[name] <= 1]
+    return first, reached[len(first) :]
 
 
 def tests_of(places: list[str]) -> list[str]:
