@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from tools.bench.distance import distances
-from tools.bench.seeding import Finder, Mutant, mutants
+from tools.bench.seeding import Finder, Mutant, again, mutants
 
 __all__ = ["Finder", "main"]
 
@@ -206,10 +206,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--json", type=Path, metavar="OUT", help="write what became of each")
     parser.add_argument("--again", type=Path, metavar="OUT", help="only what survived there")
     options = parser.parse_args(arguments)
-    chosen, survived, told = mutants(ROOT, options.places, options.count, options.seed), 0, []
+    survived, told = 0, []
     if options.again:
-        left = [m for m in json.loads(options.again.read_text()) if not m["noticed"]]
-        chosen = [m for m in chosen if any(m.same(other) for other in left)]
+        left = [old for old in json.loads(options.again.read_text()) if not old["noticed"]]
+        chosen = again(ROOT, left)
+    else:
+        chosen = mutants(ROOT, options.places, options.count, options.seed)
     with tempfile.TemporaryDirectory(prefix="mutant") as folder:
         copy = Copy(Path(folder), Limits(budget=options.budget))
         times = measured(copy, options.places, options.times)

@@ -6,6 +6,7 @@ import ast
 import random
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 COMPARED = {ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">", ast.Eq: "!=", ast.NotEq: "=="}
 REVERSED = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.MatMult: "*"}
@@ -33,12 +34,6 @@ class Mutant:
     end: int
     text: str
     before: str
-
-    def same(self, other: dict[str, object]) -> bool:
-        """Whether that is this fault, also where lines before it are others now."""
-        return all(
-            getattr(self, name) == other[name] for name in ("path", "kind", "text", "before")
-        )
 
 
 class Finder(ast.NodeVisitor):
@@ -177,4 +172,18 @@ def mutants(root: Path, places: list[str], count: int, seed: int) -> list[Mutant
         for some in kinds.values():
             if some and len(chosen) < count:
                 chosen.append(some.pop(chance.randrange(len(some))))
+    return chosen
+
+
+def again(root: Path, told: list[dict[str, Any]]) -> list[Mutant]:
+    """The same faults in today's source, each at the nearest line that has it."""
+    chosen = []
+    for old in told:
+        source = (root / old["path"]).read_text()
+        same = [
+            mutant
+            for mutant in Finder(old["path"], source).found
+            if all(getattr(mutant, name) == old[name] for name in ("kind", "text", "before"))
+        ]
+        chosen += sorted(same, key=lambda mutant: abs(mutant.line - old["line"]))[:1]
     return chosen

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import subprocess
 import sys
 
@@ -12,6 +13,7 @@ import pytest
 from tools.bench import mutants
 from tools.bench.distance import FAR, distances
 from tools.bench.mutants import ROOT, Finder
+from tools.bench.seeding import again
 
 SOURCE = '''\
 """A docstring with 3 numbers."""
@@ -148,3 +150,12 @@ def test_plain_kernels_say_what_compiled_ones_do(sample_file):
         run = subprocess.run(code, cwd=ROOT, capture_output=True, text=True, check=True)
         found.append(np.array(ast.literal_eval(run.stdout)))
     np.testing.assert_allclose(found[0], found[1], rtol=1e-6, atol=1e-9)
+
+
+def test_a_fault_is_found_again_where_lines_were_added(tmp_path):
+    (tmp_path / "made.py").write_text(SOURCE)
+    (old,) = (m for m in Finder("made.py", SOURCE).found if m.text == "min")
+    (tmp_path / "made.py").write_text(f"A = max(1, 2)\n{SOURCE}")
+    (found,) = again(tmp_path, [dataclasses.asdict(old)])
+    assert found == dataclasses.replace(old, line=old.line + 1, start=found.start, end=found.end)
+    assert again(tmp_path, [{**dataclasses.asdict(old), "text": "gone"}]) == []
