@@ -161,7 +161,10 @@ def true_hand_profiled(profiles: Profiles, **settings: Any) -> Method:
 
 
 def with_picture(profiles: Profiles, filter: str, lens: bool = True) -> Method:
-    """One camera's joints and picture together; of other inputs nothing."""
+    """One camera's joints and picture together; of other inputs nothing.
+
+    Without the lens it is what `handtrack.track` does with a video by default.
+    """
 
     def method(case: Case) -> Estimate:
         track = seen_in_picture(case, profiles, filter, lens)
@@ -199,8 +202,8 @@ def standard(
         rows[f"{name}, calibrated, profile"] = profiled(profiles, filter=name)
     for name in ("none", "fixed-lag", "rts"):
         said = "fit" if name == "none" else name
-        rows[f"{said}, picture too, profile"] = with_picture(profiles, name)
-    rows["rts, picture of an assumed lens, profile"] = with_picture(profiles, "rts", lens=False)
+        rows[f"{said}, default of a video, profile"] = with_picture(profiles, name, lens=False)
+    rows["rts, picture and its lens, profile"] = with_picture(profiles, "rts")
     rows["rts, true hand, profile (oracle)"] = true_hand_profiled(profiles, filter="rts")
     return rows
 
