@@ -174,6 +174,13 @@ class Explained:
     frames: int
     split: Split
 
+    def __str__(self) -> str:
+        left, free, bound = (1e3 * of.mean for of in (self.fitted, self.unlimited, self.bound))
+        return (
+            f"the hand leaves {left:.2f} mm of its input ({free:.2f} mm without limits), any hand"
+            f" of rigid bones {bound:.2f} mm; {self.frames} frames"
+        )
+
     def summary(self) -> dict[str, object]:
         """The numbers, in millimetres, as plain JSON values."""
         return {

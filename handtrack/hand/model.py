@@ -22,6 +22,7 @@ from handtrack.hand.skeleton import (
     N_PARTS,
     PARENTS,
     PART_JOINT,
+    PART_PARENT,
     Hand,
 )
 from handtrack.hand.skinning import Skinning
@@ -34,10 +35,9 @@ Array = NDArray[np.float64]
 
 # the fingers of a hand at rest are slightly bent
 _RELAXED = np.deg2rad([0, 0, 15, 10] + [20, 0, 25, 15] * 4)
-_PART_PARENTS = np.array([0] + [0 if i == 0 else 3 * f + i for f in range(5) for i in range(3)])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class HandModel:
     """A hand that 20 angles and a rigid transform bring into any pose.
 
@@ -129,6 +129,11 @@ class HandModel:
             raise ModelError(f"model {self.name}: skinning weights must sum to one per vertex")
         if len(self.faces) and not 0 <= self.faces.min() <= self.faces.max() < n:
             raise ModelError(f"model {self.name}: faces name vertices that do not exist")
+
+    def __repr__(self) -> str:
+        skin, palm = len(self.rest_vertices), 1e3 * self.size
+        said = f"{self.name!r}, {self.hand} hand, palm {palm:.1f} mm, {self.limits.name} limits"
+        return f"<HandModel {said}, skin of {skin:,} vertices>"
 
     @staticmethod
     def default(
@@ -261,7 +266,7 @@ class HandModel:
         Args:
             rotations: (..., 16, 3, 3) accumulated, of `rotations`.
         """
-        parents = rotations[..., _PART_PARENTS[1:], :, :]
+        parents = rotations[..., PART_PARENT[1:], :, :]
         return np.asarray(parents.swapaxes(-1, -2) @ rotations[..., 1:, :, :])
 
     def parts(self, angles: ArrayLike) -> tuple[Array, Array]:

@@ -53,6 +53,8 @@ ANGLE_JOINT = np.array([4 * f + j for f in range(5) for j in (1, 1, 2, 3)])
 
 PART_JOINT = np.array([0] + [4 * f + j for f in range(5) for j in (1, 2, 3)])
 """The joint that each of the 16 moving parts turns about."""
+PART_PARENT = np.array([0] + [0 if i == 0 else 3 * f + i for f in range(5) for i in range(3)])
+"""The part that each moving part hangs on; the palm on itself."""
 ARRIVING = np.array([0] + [0 if j == 0 else 3 * f + j for f in range(5) for j in range(4)])
 """The moving part that arrives at each joint: the palm at the wrist and the fingers' bases."""
 PART_NAMES: tuple[str, ...] = ("palm", *(JOINT_NAMES[j] for j in PART_JOINT[1:]))

@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import matrix_to_quaternion
-from handtrack.hand.skeleton import ANGLE_NAMES, N_ANGLES, N_PARTS, PART_JOINT, PART_NAMES
+from handtrack.hand.skeleton import (
+    ANGLE_NAMES,
+    N_ANGLES,
+    N_PARTS,
+    PART_JOINT,
+    PART_NAMES,
+    PART_PARENT,
+)
 from handtrack.mcap.frames import Rows, Times
 from handtrack.mcap.hand import text
 from handtrack.mcap.layout import Layout, tag, timestamps, varint
@@ -23,8 +30,6 @@ SKIN = (226, 178, 148)
 """Its colour, red, green, blue."""
 _POINT = 29  # bytes of a Point3 in a list: tag, length, three tagged doubles
 _LOG_LEVEL = {"info": 2, "warning": 3}
-PART_PARENT = np.array([0] + [0 if i == 0 else 3 * f + i for f in range(5) for i in range(3)])
-"""(16,) the part that each one hangs on; the palm on itself."""
 
 
 def cloud_rows(times: Times, points: Array, frame_id: str = "world") -> Rows:

@@ -6,8 +6,8 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 from handtrack.hand.capsule_shapes import add_capsule, add_skin_material, joint_capsules
 from handtrack.hand.model import HandModel
-from handtrack.hand.skeleton import PART_JOINT, PART_NAMES
-from handtrack.mcap.foxglove import PART_PARENT, cdr_string
+from handtrack.hand.skeleton import PART_JOINT, PART_NAMES, PART_PARENT
+from handtrack.mcap.foxglove import cdr_string
 
 
 def robot_description(topic: str, model: HandModel) -> bytes:

@@ -42,6 +42,11 @@ def test_a_part_of_a_sequence_by_time(sample):
 
 
 def test_it_says_what_it_is_in_one_line(track):
+    model = track.model
+    assert repr(model) == (
+        f"<HandModel {model.name!r}, {model.hand} hand, palm {1e3 * model.size:.1f} mm,"
+        f" {model.limits.name} limits, skin of {len(model.rest_vertices):,} vertices>"
+    )
     text = repr(track)
     assert text.startswith("<Track 'sample', right hand, 60 frames in 1.97 s: 60 fitted, ")
     assert len(text) < 120

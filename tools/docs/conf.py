@@ -69,6 +69,7 @@ napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 napoleon_attr_annotations = False  # the docstrings say shapes and units
 default_role = "py:obj"
+smartquotes = False  # they make one dash of an option's two, and code of no use of its quotes
 python_use_unqualified_type_names = True
 
 # links into other projects' references need the network: asked for, never needed

@@ -12,6 +12,10 @@ _ARRAY = re.compile(
     r"~?(?:numpy\.)?ndarray\[tuple\[~?(?:typing\.)?Any, \.\.\.\], "
     r"~?(?:numpy\.)?dtype\[~?(?:numpy\.)?(\w+?)_?\]\]"
 )
+_LIKE = (
+    "_Buffer | _SupportsArray[dtype[Any]] | _NestedSequence[_SupportsArray[dtype[Any]]] | complex"
+    " | bytes | str | _NestedSequence[complex | bytes | str]"
+)
 _LONG = re.compile(r"~(?:\w+\.)*(\w+)")
 _SEVERAL = re.compile(r"(\s+)(\w+(?:, \w+)+):(.*)")
 _ITEM = re.compile(r"\s*(- |\d+\. )")
@@ -92,4 +96,7 @@ def _one_by_one(lines: list[str]) -> list[str]:
 def short_types(text: str | None) -> str | None:
     """A signature with arrays written as in the code."""
     # a default that is made is no Python, and Sphinx breaks only what it can parse into lines
-    return text and _LONG.sub(r"\1", _ARRAY.sub(r"NDArray[\1]", text)).replace("<factory>", "...")
+    if not text:
+        return text
+    text = _LONG.sub(r"\1", _ARRAY.sub(r"NDArray[\1]", text))
+    return text.replace("<factory>", "...").replace(_LIKE, "ArrayLike")

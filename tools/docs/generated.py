@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import inspect
 import json
+import os
+import pty
 import re
+import subprocess
+import sys
+import tempfile
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +24,7 @@ from handtrack.hand.skeleton import ANGLE_NAMES, FINGERS, ORDER_JOINTS, ORDERS
 from handtrack.sequences.readers.catalogue import formats as all_formats
 from handtrack.settings import Settings
 
+SAMPLE = str(Path(__file__).resolve().parents[2] / "recordings" / "sample.npz")
 NUMBERS = Path(__file__).resolve().parent / "numbers"
 """Measured by the tools that each page names, and kept with what they were measured on."""
 
@@ -32,6 +39,7 @@ def pages() -> dict[str, str]:
         "generated/orders": orders(),
         "generated/limits": limits(),
         "generated/settings": settings(),
+        "generated/first_output": first_output(),
         "commands/index": commands(),
         "reference/index": _reference_index(),
         **reference,
@@ -106,9 +114,39 @@ def settings() -> str:
 def _settings_table(of: type[Settings]) -> str:
     rows = []
     for name, known in of.known().items():
-        unit = f" [{known.about.unit}]" if known.about.unit else ""
-        rows.append([f"`{name}`", f"`{known.default}`", known.about.range, known.about.help + unit])
+        help_text, unit, may_be = known.about.help, known.about.unit, known.about.range
+        if unit and unit not in may_be:
+            help_text = f"{help_text.removesuffix('.')} [{unit}]."
+        may_be = "yes or no" if isinstance(known.default, bool) and not may_be else may_be
+        rows.append([f"`{name}`", f"`{known.default}`", may_be, _options_as_code(help_text)])
     return table(["setting", "default", "may be", "what it does"], rows)
+
+
+def _options_as_code(text: str) -> str:
+    return re.sub(r"(?<![\w`-])(--[a-z][a-z-]*)", r"`\1`", text)
+
+
+def first_output() -> str:
+    """What `track` prints of the sample on a terminal of 80 columns, but for how long it took."""
+    ours, terminal = pty.openpty()
+    with tempfile.TemporaryDirectory() as folder, os.fdopen(ours, "rb", buffering=0) as shown:
+        made = f"{folder}/sample.mcap"
+        running = subprocess.Popen(
+            [sys.executable, "-m", "handtrack", "track", SAMPLE, "-o", made],
+            env={**os.environ, "TERM": "dumb"},
+            stdout=terminal,
+            stderr=subprocess.DEVNULL,
+        )
+        os.close(terminal)
+        text = b""
+        with suppress(OSError):  # Linux ends a terminal so
+            while more := shown.read(4096):
+                text += more
+        if running.wait():
+            raise RuntimeError(f"track ended with {running.returncode}")
+    lines = [line.rstrip() for line in text.decode().splitlines()]
+    kept = [line for line in lines if line and not line.startswith(("took ", "tracked "))]
+    return "```text\n" + "\n".join(kept) + "\n```\n"
 
 
 def commands() -> str:

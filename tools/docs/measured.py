@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from tools.docs.generated import numbers, table
@@ -121,7 +122,7 @@ def _known(row: dict[str, Any]) -> bool:
 
 def _error(row: dict[str, Any]) -> str:
     error = row["pa_mpjpe_mm"]
-    return f"{error['mean']:.2f} ± {error['std']:.2f}" if _known(row) else "–"
+    return f"{error['mean']:.2f}\u00a0± {error['std']:.2f}" if _known(row) else "–"
 
 
 def performance() -> dict[str, str]:
@@ -135,6 +136,7 @@ def performance() -> dict[str, str]:
         for title, rows in its_tables.items():
             head = list(dict.fromkeys(key for row in rows for key in row))
             cells = [[_number(row.get(key, "")) for key in head] for row in rows]
+            head = [re.sub(r"\bus\b", "µs", key) for key in head]
             text += f"**{title[0].upper()}{title[1:]}**\n\n{table(head, cells)}\n"
         out[f"performance_{part}"] = text
     machine = found["machine"]

@@ -375,6 +375,11 @@ Args:
     assert short_types(f"(x: {arrays}, y: ~typing.Literal['a'])") == (
         "(x: NDArray[float64], y: Literal['a'])"
     )
+    like = "~numpy._typing._array_like._"
+    some = f"{like}SupportsArray[~numpy.dtype[~typing.Any]]"
+    text = f"~numpy.typing._Buffer | {some} | ~numpy._NestedSequence[{some}]"
+    text += " | complex | bytes | str | ~numpy._NestedSequence[complex | bytes | str] | None"
+    assert short_types(f"(x: {text})") == "(x: ArrayLike | None)"
     assert short_types(None) is None
 
 

@@ -31,9 +31,10 @@ for k, hidden in enumerate((0, 2, 5)):
     seen[list(TIPS[:hidden])] = np.nan
     fit = ht.fit(model, seen, noise_mm=3.0)
     sigma = np.rad2deg(np.sqrt(fit.variance))
-    label = "all joints" if not hidden else "without the tips of " + ", ".join(FINGERS[:hidden])
+    label = "without the tips of " + ", ".join(FINGERS[:hidden]) if hidden else "all joints"
     axes.bar(places + 0.27 * (k - 1), np.minimum(sigma, 90), 0.27, label=label)
 axes.set_xticks(places, ANGLE_NAMES, rotation=90, fontsize=7)
 axes.set(ylabel="standard deviation [deg]", ylim=(0, 40))
-axes.legend(loc="upper center", ncols=3, fontsize=7)
+axes.margins(x=0.01)
+figure.legend(loc="outside upper center", ncols=3, fontsize=8)
 plt.show()
