@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from handtrack.errors import InputError
-from handtrack.evaluation import bootstrap
-from handtrack.evaluation.bootstrap import block_length, difference, independent, intervals, student
+from handtrack.evaluation import bootstrap, resampling
+from handtrack.evaluation.bootstrap import difference, independent, intervals, student
+from handtrack.evaluation.resampling import block_length
 
 
 def walk(rng, n, memory):
@@ -21,7 +22,7 @@ def walk(rng, n, memory):
 @pytest.mark.parametrize(("memory", "low", "naive"), [(0.0, 0.9, 1.0), (0.9, 0.8, 0.5)])
 def test_intervals_hold_the_truth_about_as_often_as_they_say(monkeypatch, memory, low, naive):
     """95 % are meant; resampling single frames of the correlated series gets 35 %."""
-    monkeypatch.setattr(bootstrap, "REPEATS", 300)
+    monkeypatch.setattr(resampling, "REPEATS", 300)
     rng = np.random.default_rng(3)
     series = [walk(rng, 600, memory) + 5 for _ in range(120)]
     found = [intervals(x) for x in series]
@@ -29,7 +30,7 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say(monkeypatch, memory
     hits_std = np.mean([i.std.low <= 1 <= i.std.high for i in found])
     assert low <= hits_mean <= 1
     assert low <= hits_std <= 1
-    monkeypatch.setattr(bootstrap, "block_length", lambda values: 1)
+    monkeypatch.setattr(resampling, "block_length", lambda values: 1)
     single = [intervals(x).mean for x in series]
     assert np.mean([i.low <= 5 <= i.high for i in single]) <= naive
 
@@ -141,7 +142,7 @@ def test_resamples_are_circular_and_as_long_as_the_series():
     x = np.array([3.0, 1, 4, 1, 5, 9, 2, 6, 5, 3])
     starts = np.array([[8, 0], [3, 9], [9, 5]])
     ends = starts + np.array([[4], [4], [2]])
-    mean, std = bootstrap._moments(bootstrap._Moments(x), starts, ends, 4)
+    mean, std = resampling._moments(resampling.Moments(x), starts, ends, 4)
     first = [5, 3, 3, 1, 1, 5, 9, 2, 3, 3]
     second = [3, 1, 4, 1, 3, 3, 1, 4, 9, 2]
     np.testing.assert_allclose(mean, [np.mean(first), np.mean(second)])
@@ -150,15 +151,15 @@ def test_resamples_are_circular_and_as_long_as_the_series():
 
 def test_resampled_means_vary_as_the_closed_form_says(monkeypatch):
     """Var = (2 Var(S_4) + Var(S_2)) / 100 over all beginnings: the last block is cut to 2."""
-    monkeypatch.setattr(bootstrap, "REPEATS", 40_000)
+    monkeypatch.setattr(resampling, "REPEATS", 40_000)
     x = np.array([3.0, 1, 4, 1, 5, 9, 2, 6, 5, 3])
-    ((mean, _),) = bootstrap._resampled([bootstrap._Moments(x)], 4)
+    ((mean, _),) = resampling.resamples([resampling.Moments(x)], 4)
     sums = {b: [np.roll(x, -s)[:b].sum() for s in range(10)] for b in (4, 2)}
     expected = (2 * np.var(sums[4]) + np.var(sums[2])) / 100
     # going round, every frame is drawn as often: no bias
     assert mean.mean() == pytest.approx(x.mean(), abs=5 * np.sqrt(expected / 40_000))
     assert mean.var() == pytest.approx(expected, rel=0.04)
-    ((mean, _),) = bootstrap._resampled([bootstrap._Moments(np.full(10, 2.5))], 4)
+    ((mean, _),) = resampling.resamples([resampling.Moments(np.full(10, 2.5))], 4)
     assert (mean == 2.5).all()
 
 
