@@ -15,9 +15,12 @@ if TYPE_CHECKING:
 
 COMPILING = "compiling {part}, once on this machine (about {seconds} s) ..."
 _PARTS = (
+    (("smoother.lag", "drift_smoother.lag"), "the smoother with a fixed lag", 15),
+    (("smoother", "drift_smoother"), "the smoother", 15),
+    (("drift",), "the filter of noise that lasts", 15),
     (
         (
-            *("kalman", "drift", "smoother", "filter", "motion_noise", "colour", "evidence"),
+            *("kalman", "filter", "motion_noise", "colour", "evidence"),
             *("measurement", "covariance.information"),
         ),
         "the filter",
@@ -52,8 +55,12 @@ def compiling_said(quiet: bool) -> Iterator[None]:
     class Listener(events.Listener):  # type: ignore[misc]
         def __init__(self) -> None:
             self.said: set[str] = set()
+            self.within = 0
 
         def on_start(self, event: Any) -> None:
+            self.within += 1
+            if self.within > 1:  # what a function calls is compiled with it
+                return
             of = event.data
             part, seconds = _part(str(of.get("module", "")), str(of.get("qualname", "")))
             # what a filter is made of belongs to the fitter, which stands before it
@@ -61,7 +68,8 @@ def compiling_said(quiet: bool) -> Iterator[None]:
                 self.said.add(part)
                 click.echo(COMPILING.format(part=part, seconds=seconds), err=True)
 
-        def on_end(self, event: Any) -> None: ...
+        def on_end(self, event: Any) -> None:
+            self.within -= 1
 
     listener = Listener()
     events.register("numba:run_pass", listener)

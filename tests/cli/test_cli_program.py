@@ -128,6 +128,11 @@ def test_compiling_is_said_once_and_only_when_it_happens(capsys):
         ("covariance.information", "the filter"),
         ("filter_loop.filter_frames", "the filter"),
         ("evidence.motion_evidence", "the filter"),
+        ("drift_loop.filter_drifting_frames", "the filter of noise that lasts"),
+        ("smoother.smooth_frames", "the smoother"),
+        ("drift_smoother.smooth_drifting_frames", "the smoother"),
+        ("smoother.lag_frames", "the smoother with a fixed lag"),
+        ("drift_smoother.lag_drifting_frames", "the smoother with a fixed lag"),
         ("li2021.bcd_li2021", "the paper's updates"),
         ("image_fit.fit_views", "the fit to pictures"),
         ("collisions.move_apart", "the collisions"),
@@ -143,6 +148,22 @@ def test_compiling_names_the_part(kernel, part, capsys):
         event.start_event("numba:run_pass", about)
         event.end_event("numba:run_pass", about)
     assert capsys.readouterr().err.startswith(f"compiling {part}, once on this machine")
+
+
+def test_compiling_says_nothing_of_what_a_part_is_made_of(capsys):
+    from numba.core import event
+
+    def about(name):
+        return {"module": f"handtrack.kernels.{name}", "qualname": "f"}
+
+    with cli_progress.compiling_said(quiet=False):
+        for outer in ("smoother", "frame_loop", "smoother"):
+            event.start_event("numba:run_pass", about(outer))
+            event.start_event("numba:run_pass", about("kalman"))
+            event.end_event("numba:run_pass", about("kalman"))
+            event.end_event("numba:run_pass", about(outer))
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.partition(",")[0] for line in lines] == ["compiling the smoother"]
 
 
 def test_what_took_the_time_adds_up_to_the_whole(monkeypatch):
