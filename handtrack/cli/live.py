@@ -182,7 +182,7 @@ def _shown(viewer: LiveViewer, connect: str | None, quiet: bool, stack: ExitStac
         if connect is not None:
             raise
         if not quiet:
-            click.echo(f"warning: no viewer: {error}; going on as with --no-view", err=True)
+            click.echo(f"warning: {error}; going on as with --no-view", err=True)
         return False
     return True
 

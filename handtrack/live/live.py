@@ -73,7 +73,7 @@ class LiveCount:
     def sentence(self) -> str:
         """All of it in one line."""
         total = self.frames + self.dropped
-        share = f" ({self.dropped / total:.1%})" if total else ""
+        share = f" ({100.0 * self.dropped / total:.1f} %)" if self.dropped else ""
         hands = ", ".join(f"{hand} hand in {n:,}" for hand, n in self.seen.items()) or "no hand"
         median, p95 = _ms(self.latency_s)
         late = f"; latency {median:.1f} ms, p95 {p95:.1f}" if self.frames else ""

@@ -62,7 +62,7 @@ def test_what_comes_is_tracked_and_recorded(tmp_path):
             assert np.array_equal(track.angles_raw[row], expected.angles_raw)
         assert np.linalg.norm(track.fitted_joints[row] - joints[t], axis=1).max() < 1e-5
     assert (count.frames, count.dropped, count.seen) == (30, 4, {"right": 28})
-    assert "30 frames, 4 dropped (11.8%): right hand in 28" in count.sentence
+    assert "30 frames, 4 dropped (11.8 %): right hand in 28" in count.sentence
     assert track.events[0].text == "fitted"
     assert any(e.text.startswith("lost") for e in track.events)
 
