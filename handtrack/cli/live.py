@@ -103,10 +103,12 @@ def live(
     if sum(sources) != 1:
         raise SettingsError("choose one source: --camera, --video, --stdin or --udp")
     binary = publish_format == "protobuf"
-    if binary and (publish is None or hand is None):
+    if binary and publish is None:
+        raise SettingsError("--publish-format protobuf is for --publish: say where to")
+    if binary and hand is None:
         raise SettingsError(
-            "--publish-format protobuf is for --publish, and a State does not name its hand:"
-            " say --hand left or --hand right"
+            "--publish-format protobuf: a State does not name its hand, say --hand left or"
+            " --hand right"
         )
     if output is None:
         output = _free_name()

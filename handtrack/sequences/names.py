@@ -116,6 +116,7 @@ ABOUT_TIME = {
 FRAME = {"frame", "frames", "image", "img", "fnum"}
 FRAME_NUMBER = {"index", "idx", "id", "ids", "number", "num", "no", "nr", "count", "counter", "n"}
 HAND_LABEL = {"handedness", "handness", "side", "chirality", "laterality", "hand", "hands"}
+HAND_LABEL |= {"handednesses"}
 MAYBE_HAND = {"label", "type", "category", "name", "which", "display", "lr", "class", "hand"}
 HAND_NUMBER = FRAME_NUMBER | {"track"}
 CONFIDENCES = {

@@ -107,7 +107,7 @@ def is_frame_number(name: str) -> bool:
 def is_hand_label(name: str) -> bool:
     """Whether a name is of what tells left from right."""
     given = set(words(name))
-    return bool(given & HAND_LABEL) and given <= HAND_LABEL | MAYBE_HAND
+    return bool(given & HAND_LABEL) and given <= HAND_LABEL | MAYBE_HAND | {"multi"}
 
 
 @lru_cache(KEPT)

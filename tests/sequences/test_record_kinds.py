@@ -151,6 +151,21 @@ def test_mediapipe_results(read, left, right):
     same(b, right, 1)
 
 
+@pytest.mark.parametrize("key", ["multi_handedness", "handednesses", "handedness"])
+def test_labels_of_the_older_and_the_web_mediapipe(read, left, right, key):
+    frames = []
+    for i, (a, b) in enumerate(zip(left, right, strict=True)):
+        hands = [("Left", a), ("Right", b)][:: 1 if i % 2 else -1]
+        label = [{"classification": [{"index": 0, "score": 0.9, "label": n}]} for n, _ in hands]
+        points = [{"landmark": objects(h)} for _, h in hands]
+        frames.append({key: label, "multi_hand_world_landmarks": points})
+    a, b = read(frames)
+    assert (a.hand, b.hand) == ("left", "right")
+    assert not any("no hand named" in note for note in (*a.notes, *b.notes))
+    same(a, left)
+    same(b, right)
+
+
 @pytest.mark.parametrize(
     "keys", [("left", "right"), ("leftHand", "rightHand"), ("hand_l", "hand_r")]
 )
