@@ -53,7 +53,7 @@ class Lens:
         """Whether anything is said."""
         return any(said is not None for said in vars(self).values())
 
-    def is_of(self, inputs: tuple[Path, ...]) -> bool:
+    def is_of(self, inputs: tuple[Path, ...], reading: Reading) -> bool:
         """Whether it is of one camera, that saw joints and their pictures: inputs as they are read
         without a lens.
 
@@ -66,10 +66,8 @@ class Lens:
 
         if self.file is not None and len(ht.load_cameras(self.file, self.board_unit)) > 1:
             return False
-        if not have_pictures(inputs):
+        if not have_pictures(inputs, reading):
             return False
-        if self.size is not None:
-            raise SettingsError(f"{inputs[0]}: pictures have a size: leave --image-size out")
         self.cameras(None, 1 if self.file is None else len(inputs))
         return True
 

@@ -38,6 +38,7 @@ class Reading(NamedTuple):
     markers: Path | None = None
     key: str | None = None
     columns: str | None = None
+    image_size: tuple[int, int] | None = None
 
     @property
     def choice(self) -> HandChoice:

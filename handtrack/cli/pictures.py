@@ -53,7 +53,7 @@ class _Size(click.ParamType[Any]):
 no_picture_option = click.option(
     "--no-picture",
     is_flag=True,
-    help="Of a video, and of what `detect` wrote: fit the joints alone, not the picture too.",
+    help="Where joints were found in one camera's pictures: fit them alone, not these too.",
 )
 
 
@@ -89,7 +89,8 @@ def picture_options(command: Any) -> Any:
             "--image-size",
             type=_Size(),
             metavar="WxH",
-            help="Of landmarks in a picture, fitted there: the picture's size in pixels.",
+            help="Of landmarks in a picture, alone or beside MediaPipe's world landmarks: the"
+            " picture's size in pixels.",
         ),
         click.option(
             "--fov",

@@ -157,16 +157,20 @@ def items_of(inputs: Iterable[Path], reading: Reading, quiet: bool) -> Given:
     return found
 
 
-def have_pictures(inputs: Iterable[Path]) -> bool:
-    """Whether all inputs are videos, images, folders of these, or what `detect` wrote."""
+def have_pictures(inputs: Iterable[Path], reading: Reading) -> bool:
+    """Whether all inputs are videos, images, folders of these, or joints with what one camera's
+    pictures show of them."""
     from handtrack.files.pictures import pictures_in
-    from handtrack.video.saved import saved_detections
 
     for path in (path for given in inputs for path in _expanded(given)):
         if not path.exists():
             return False
-        shown = pictures_in(path) is not None or (path.is_dir() and bool(_pictures_below(path)[0]))
-        if not shown and saved_detections(path) is None:
+        if pictures_in(path) is not None or (path.is_dir() and _pictures_below(path)[0]):
+            continue
+        try:
+            if not all(s.picture is not None for s in reading.load(path, quiet=True)):
+                return False
+        except InputError:
             return False
     return True
 

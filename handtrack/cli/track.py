@@ -88,9 +88,9 @@ def track(
     models = take_models(options, limits)
     if models.file is not None and is_default("calibrate"):
         settings = settings.but(calibrate="none")
-    reading, silent = Reading(**options, **mano), quiet or as_json
+    reading, silent = Reading(**options, **mano, image_size=image_size), quiet or as_json
     lens, times = Lens(camera, image_size, fov, board_unit), Times()
-    pictured = not lens.given or lens.is_of(inputs)
+    pictured = not lens.given or lens.is_of(inputs, reading)
     if not pictured:
         with times.during("detecting and following"), compiling_said(silent):
             views = from_cameras(lens, inputs, reading, models, settings, silent)

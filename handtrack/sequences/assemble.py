@@ -27,6 +27,10 @@ FARTHEST = 1e6
 _NOWHERE = 1e3 * FARTHEST
 _ALIKE = (0.7, 1.4)
 """Sizes of one hand, as joints and as truth have them, differ by less than this."""
+NO_SIZE = (
+    "landmarks in the picture stand beside the joints, but not how large it is: --image-size WxH"
+    " says it, and both are fitted together"
+)
 Mirror = Literal["x", "y", "z"]
 _OURS = tuple(range(N_JOINTS))
 _MIRRORED: dict[Mirror | None, Array] = {
@@ -47,6 +51,7 @@ class Given:
         fps: frames per second, instead of the source's times.
         time_unit: of the source's times.
         mirror: axis whose sign is changed, for sources whose world is left-handed.
+        image_size: (width, height) [px] of the pictures that joints were found in.
     """
 
     unit: Unit | None = None
@@ -54,6 +59,7 @@ class Given:
     fps: float | None = None
     time_unit: TimeUnit | None = None
     mirror: Mirror | None = None
+    image_size: tuple[int, int] | None = None
 
 
 def assemble(raw: Raw, given: Given, judge: bool = True) -> Sequence:
@@ -102,7 +108,8 @@ def assemble(raw: Raw, given: Given, judge: bool = True) -> Sequence:
         truth, _ = without_coincident(_picked(raw.truth, reading.picks) * to_metres)
         truth, other = _in_its_unit(truth, joints, unit)
         notes += other
-    picture = None if given.mirror else _picture(raw, reading.picks, rows)
+    picture, of_picture = _picture(raw, given, reading.picks, rows)
+    notes += of_picture
     return Sequence(
         time_ns=clock.time_ns,
         joints=_taken(joints, rows),
@@ -128,21 +135,26 @@ def _taken(joints: Array, rows: NDArray[np.int64]) -> Array:
     return by_blocks(lambda part: joints[part], rows)
 
 
-def _picture(raw: Raw, picks: Picks, rows: NDArray[np.int64]) -> Picture | None:
-    """What the picture shows of joints, where it is known in pixels."""
-    if raw.shown is None or raw.shown.size is None:
-        return None
+def _picture(
+    raw: Raw, given: Given, picks: Picks, rows: NDArray[np.int64]
+) -> tuple[Picture | None, list[str]]:
+    """What the picture shows of joints, where its size is known; else what would say it."""
+    if raw.shown is None or given.mirror is not None:
+        return None, []
+    size = given.image_size or raw.shown.size
+    if size is None:
+        return None, [NO_SIZE]
     pick = np.array(picks)
     points = np.where((pick < 0)[:, None], np.nan, raw.shown.points[rows][:, pick])
     if is_share(points):
-        points = points * np.array(raw.shown.size, dtype=np.float64)
+        points = points * np.array(size, dtype=np.float64)
     seen = np.isfinite(points).all(-1)
     sure = seen.astype(np.float64)
     if raw.confidence is not None:
-        given = raw.confidence[rows]
-        whole = given[:, None] if given.ndim == 1 else given[:, pick]
+        told = raw.confidence[rows]
+        whole = told[:, None] if told.ndim == 1 else told[:, pick]
         sure = np.where(seen, np.clip(np.nan_to_num(whole, nan=1.0), 0, 1), 0.0)
-    return Picture(points, np.asarray(sure), raw.shown.size)
+    return Picture(points, np.asarray(sure), size), []
 
 
 def _in_its_unit(truth: Array, joints: Array, unit: Unit) -> tuple[Array, list[str]]:
@@ -263,12 +275,13 @@ def check_settings(
     fps: float | None,
     time_unit: str | None = None,
     mirror: str | None = None,
+    image_size: tuple[int, int] | None = None,
 ) -> Given:
     """The caller's settings, checked.
 
     Raises:
         SettingsError: an unknown unit, order, unit of time or axis, with those that are known,
-            or an unusable fps.
+            or an unusable fps or size of pictures.
     """
     known = next((u for u in METRES if u == unit), None)
     if unit is not None and known is None:
@@ -283,4 +296,7 @@ def check_settings(
     if mirror is not None and axis is None:
         raise SettingsError(f"mirror is {mirror!r}, expected x, y or z")
     check_fps(fps)
-    return Given(known, order, None if fps is None else float(fps), of_time, axis)
+    if image_size is not None and (len(image_size) != 2 or not min(image_size) > 0):
+        raise SettingsError(f"image_size is {image_size}, expected (width, height)")
+    rate = None if fps is None else float(fps)
+    return Given(known, order, rate, of_time, axis, image_size)

@@ -51,6 +51,7 @@ def load(
     *,
     key: str | None = None,
     columns: str | None = None,
+    image_size: tuple[int, int] | None = None,
     passed_over: list[PassedOver] | None = None,
 ) -> list[Sequence]:
     """Joint sequences from a file or a folder; the format is recognised by content.
@@ -94,6 +95,8 @@ def load(
             HDF5 ("group/name"), a key of a JSON ("above.name").
         columns: of a text table the columns of the joints, x y z of each in its turn: "A:B", the
             first and the last, or all with commas between; titles, or numbers from 0.
+        image_size: (width, height) [px] of the pictures that a detector found the hands in, where
+            landmarks in the picture stand beside those in space and the source does not say it.
         passed_over: of a folder: what cannot be read is added to it, and nothing of it said in
             notes; without it a damaged file is an error.
 
@@ -107,7 +110,7 @@ def load(
             known), fps not above zero, frames the wrong way round.
     """
     where = Path(path)
-    given = check_settings(unit, order, fps, time_unit, mirror)
+    given = check_settings(unit, order, fps, time_unit, mirror, image_size)
     choice = _hand_choice(hand)
     _check_frames(frames)
     check_format(format)

@@ -16,7 +16,7 @@ from handtrack.sequences.sequence import Sequence
 from handtrack.video.detections import detect, labelled
 
 P = ParamSpec("P")
-_OF_JOINTS = ("unit", "order", "format", "mirror", "key", "columns", "time_unit")
+_OF_JOINTS = ("unit", "order", "format", "mirror", "key", "columns", "time_unit", "image_size")
 
 
 def check_picture_options(path: Path, given: dict[str, Any]) -> None:

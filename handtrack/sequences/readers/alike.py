@@ -22,11 +22,12 @@ from numpy.typing import NDArray
 from handtrack.errors import InputError
 from handtrack.files.long_arrays import Growing, blocks
 from handtrack.sequences.clock import Stamps
+from handtrack.sequences.readers.beside_world import with_pictures, without_world
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.jsontext import decode, without_nan
 from handtrack.sequences.readers.number_text import Form, Forms, NotAlikeError
 from handtrack.sequences.readers.pictures import seen_in_picture
-from handtrack.sequences.readers.raw import Array, Raw, usable_confidence
+from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, usable_confidence
 from handtrack.sequences.readers.record_places import Picked
 from handtrack.sequences.readers.records import HandRecords, records_by_hand
 from handtrack.sequences.readers.spelling import in_small_letters
@@ -88,17 +89,33 @@ def read_alike(
     if sum(len(form.spans) for form in forms.forms) > _MOST_NUMBERS:
         return None
     try:
-        readings = [_reading(forms, places, path, about, way) for way in (0, 1)]
-        hands = _same(readings)
-        return [_whole(hand, forms, places, path) for hand in hands]
+        hands = _same([_reading(forms, places, path, about, way) for way in (0, 1)])
+        raws = [_whole(hand, forms, places, path) for hand in hands]
     except (InputError, NotAlikeError, OverflowError):
         return None
+    if not any(hand.hand.world for hand in hands):
+        return raws
+    try:
+        hands = _same([_reading(forms, places, path, about, way, True) for way in (0, 1)])
+        shown = [_whole(hand, forms, places, path) for hand in hands]
+    except NotJointsError:  # nothing in a picture
+        return raws
+    except (InputError, NotAlikeError, OverflowError):
+        return None
+    first = in_small_letters([decode(form.first, Any, path) for form in forms.forms])
+    return with_pictures(raws, shown, first, about)
 
 
 def _reading(
-    forms: Forms, places: Items[str], path: Path, about: dict[str, Any] | None, way: int
+    forms: Forms,
+    places: Items[str],
+    path: Path,
+    about: dict[str, Any] | None,
+    way: int,
+    beside: bool = False,
 ) -> list[_Hand]:
-    """What is made of the first records with other numbers in them."""
+    """What is made of the first records with other numbers in them; `beside`: of what stands
+    beside the joints in the world."""
     values: list[Any] = []
     columns: list[dict[float, int]] = []
     for f, form in enumerate(forms.forms):
@@ -106,6 +123,8 @@ def _reading(
         values.append(decode(text, Any, path))
         columns.append(known)
     values = in_small_letters(values)
+    if beside:
+        values = without_world(values)
     numbered = any(is_frame_number(str(k)) for v in values if isinstance(v, dict) for k in v)
     found = records_by_hand(values, Picked(places, forms.firsts), path, about)
     hands = []

@@ -66,8 +66,13 @@ def _detector(fields: Mapping[str, Any], key: str) -> str:
     if isinstance(said, str):
         return said
     from_pictures = "size_px" in fields and any("image_px" in str(k) for k in fields)
-    named = {"world", "landmarks"} <= set(words(key))
-    return "mediapipe" if from_pictures or named else ""
+    return "mediapipe" if from_pictures else detector_of(key)
+
+
+def detector_of(key: str) -> str:
+    """Whose landmarks the joints under a name are, where it says so: "world landmarks" is
+    MediaPipe's word; else ""."""
+    return "mediapipe" if {"world", "landmarks"} <= set(words(key)) else ""
 
 
 def from_fields(fields: Mapping[str, Any], path: Path) -> Raw:

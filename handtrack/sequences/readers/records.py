@@ -17,7 +17,8 @@ from handtrack.errors import InputError
 from handtrack.hand.skeleton import Hand
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import words
-from handtrack.sequences.readers.fields import RATES, UNIT_KEYS, as_frames
+from handtrack.sequences.readers.beside_world import with_pictures, without_world
+from handtrack.sequences.readers.fields import RATES, UNIT_KEYS, as_frames, detector_of
 from handtrack.sequences.readers.found import Found, hands_in, names_hands, side_of
 from handtrack.sequences.readers.jsontext import blanks_as_null
 from handtrack.sequences.readers.pictures import seen_in_picture
@@ -73,7 +74,15 @@ def read_records(
         InputError: a frame or a joint that cannot be read.
     """
     found = records_by_hand(values, places, path, about, logged)
-    return [hand.raw if hand.world else seen_in_picture(hand.raw) for hand in found]
+    raws = [hand.raw if hand.world else seen_in_picture(hand.raw) for hand in found]
+    if not any(hand.world for hand in found):
+        return raws
+    beside = without_world(list(values))
+    try:
+        shown = [hand.raw for hand in records_by_hand(beside, places, path, about, logged)]
+    except InputError:  # nothing in a picture
+        return raws
+    return with_pictures(raws, shown, values, about)
 
 
 class HandRecords(NamedTuple):
@@ -123,6 +132,7 @@ def records_by_hand(
         raw.stamps = own or (None if logged is None else logged.take(hand.rows))
         raw.frame_index = frame_index_of(rows, path)
         world = any(f.key and "world" in words(f.key) for f in hand.found.values())
+        raw.detector = next((d for f in hand.found.values() if (d := detector_of(f.key))), "")
         out.append(HandRecords(raw, hand.rows, world))
     return out
 
