@@ -127,7 +127,7 @@ def read_npz(
     """
     try:
         with io.BytesIO(source) if isinstance(source, bytes) else source.open("rb") as file:
-            size = _check_directory(file, path)
+            size = check_directory(file, path)
             with zipfile.ZipFile(file) as archive:
                 chosen = _chosen(archive, path, wanted, size)
                 found = {}
@@ -144,7 +144,7 @@ def read_npz(
         raise InputError(damage("the .npz file", error), path) from None
 
 
-def _check_directory(file: IO[bytes], path: Path) -> int:
+def check_directory(file: IO[bytes], path: Path) -> int:
     """The list of members is read whole: not if it is larger than a .npz has any use for.
 
     Returns:

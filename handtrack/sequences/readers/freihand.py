@@ -14,7 +14,7 @@ from handtrack.sequences.readers.json_file import read_json
 from handtrack.sequences.readers.mano_params import read_freihand_mano
 from handtrack.sequences.readers.raw import NotJointsError, Raw
 
-FILE_NAME = re.compile(r"(?:training|evaluation)_(\w+)\.json")
+FILE_NAME = re.compile(r"(?:training|evaluation)_(\w+)\.json(?:\.(?:gz|bz2|xz|zip))?")
 _OTHERS = {
     "K": "cameras",
     "scale": "the lengths of a bone",

@@ -113,11 +113,14 @@ def _moments(times: list[Any]) -> list[int]:
 def _with_values(raw: Raw, rows: list[Any], places: Items[str], path: Path) -> Raw:
     first = next(r for r in rows if r is not None)
     mano = "pose" in first
+    first = next((r for r in rows if r is not None and r.get("pose")), first) if mano else first
     if not mano and "joint_angles" not in first:
         there = ", ".join(list(first)[:6])
         raise InputError(f"a hand has {there}, expected joint_angles or pose", path)
     n = len(rows)
-    key, width = ("pose", len(first["pose"])) if mano else ("joint_angles", N_HINGES)
+    key, width = ("pose", len(first["pose"] or ())) if mano else ("joint_angles", N_HINGES)
+    wanted = (key, "wrist_xform", *(("betas",) if mano else ()))
+    rows = [None if row is None or _is_blank(row, wanted) else row for row in rows]
     turn, move = np.full((n, 4), np.nan), np.full((n, 3), np.nan)
     values = np.full((n, width), np.nan)
     betas = np.zeros((n, 10))
@@ -155,6 +158,14 @@ def _with_values(raw: Raw, rows: list[Any], places: Items[str], path: Path) -> R
     )
     raw.confidence = np.where(seen, 1.0, 0.0)
     return raw
+
+
+def _is_blank(row: dict[str, Any], wanted: Items[str]) -> bool:
+    """Whether a hand is there that was not seen: null stands for what is wanted, or in it."""
+    said = [row[key] for key in wanted if key in row]
+    inner = [v for value in said if isinstance(value, dict) for v in value.values()]
+    lists = [v for v in (*said, *inner) if isinstance(v, list)]
+    return None in (*said, *inner) or any(None in v for v in lists)
 
 
 def _numbers(given: Any, n: int, where: str, path: Path) -> Array:

@@ -31,7 +31,8 @@ from handtrack.sequences.readers.raw import (
     within,
 )
 
-Point = tuple[float, float, float]
+Point = tuple[float | None, float | None, float | None]
+"""A place; null is what JSON has for NaN."""
 
 
 class _LeapHand(msgspec.Struct):
@@ -166,7 +167,7 @@ def _joints(hand: _LeapHand, fingers: list[_Pointable], where: str, path: Path) 
     """(21, 3) joints of one hand [mm], NaN = missing."""
     joints = np.full((N_JOINTS, 3), np.nan)
     if hand.wrist is not None:
-        joints[0] = hand.wrist
+        joints[0] = _place(hand.wrist)
     for finger in fingers:
         kind = finger.type
         if kind is None and finger.id is not None:
@@ -177,8 +178,12 @@ def _joints(hand: _LeapHand, fingers: list[_Pointable], where: str, path: Path) 
         points = (finger.mcp_position, finger.pip_position, finger.dip_position, tip)
         for i, point in enumerate(points):
             if point is not None:
-                joints[4 * kind + 1 + i] = point
+                joints[4 * kind + 1 + i] = _place(point)
     return joints
+
+
+def _place(point: Point) -> Array:
+    return np.array([np.nan if x is None else x for x in point])
 
 
 def _frames(recording: _Recording, path: Path) -> list[_LeapFrame]:

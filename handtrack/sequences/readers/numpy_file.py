@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from handtrack.files import npz
+from handtrack.hand.skeleton import N_JOINTS
 from handtrack.sequences.readers import freemocap, mano_params, visionpro
 from handtrack.sequences.readers.both_hands import by_frame, of_sides, two_hands
 from handtrack.sequences.readers.catalogue import Format, Way
@@ -57,11 +58,22 @@ def _named(fields: dict[str, Any], path: Path) -> list[Raw]:
 
 
 def _alone(fields: dict[str, Any]) -> dict[str, Any]:
-    """With the only array under the joints' name: np.savez without names calls it arr_0."""
+    """With the only array under the joints' name: np.savez without names calls it arr_0, and of
+    another name its shape says that it is a hand's."""
     arrays = [k for k, v in fields.items() if isinstance(v, np.ndarray) and v.ndim > 1]
-    if len(arrays) != 1 or arrays[0] != "arr_0":
+    if len(arrays) != 1 or (arrays[0] != "arr_0" and not _of_hand(arrays[0], fields)):
         return fields
-    return {("joints" if k == "arr_0" else k): v for k, v in fields.items()}
+    return {("joints" if k == arrays[0] else k): v for k, v in fields.items()}
+
+
+def _of_hand(name: str, fields: dict[str, Any]) -> bool:
+    """Whether an array of unknown name has a hand's shape, and no other has a joints' name."""
+    if any(joints_key(key) is not None for key in fields):
+        return False
+    array = fields[name]
+    return array.dtype.kind in "fiu" and (
+        array.shape[-2:] == (N_JOINTS, 3) or array.shape[1:] in ((63,), (126,))
+    )
 
 
 def _scalar(value: Any) -> Any:

@@ -211,7 +211,7 @@ FORMATS = (
         "both, of several people",
         "`people` in the JSON",
         kinds={"panoptic": read_file},
-        suffixes=(".tar", ".gz", ".tgz", ".bz2"),
+        suffixes=(".tar", ".gz", ".tgz", ".bz2", ".xz"),
         ways=(
             Way(
                 "fields",

@@ -189,7 +189,7 @@ def stem(path: Path) -> str:
 
 
 _SUFFIXES = (
-    *(".gz", ".bz2", ".xz", ".tgz", ".tar"),
+    *(".gz", ".bz2", ".xz", ".zip", ".tgz", ".tar"),
     *(".json", ".jsonl", ".ndjson", ".npz", ".npy", ".csv", ".tsv", ".txt"),
-    *(".mcap", ".pkl", ".pickle", ".hdf5", ".h5", ".trc", ".c3d", ".bvh"),
+    *(".mcap", ".pkl", ".pickle", ".parquet", ".hdf5", ".h5", ".trc", ".c3d", ".bvh"),
 )

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import gzip
-import zlib
 from pathlib import Path
+from typing import IO
 
 import msgspec
 
-from handtrack.errors import InputError, SettingsError, shown
+from handtrack.errors import InputError, SettingsError
 from handtrack.files import budget
 from handtrack.files.collecting import no_collecting
 from handtrack.sequences.readers import (
     freemocap,
     freihand,
     long_text,
+    packed,
     panoptic_tar,
     text_table,
 )
@@ -24,9 +24,6 @@ from handtrack.sequences.readers.jsontext import as_utf8, decode, one_after_anot
 from handtrack.sequences.readers.numpy_file import ZIP_MAGIC, read_npz
 from handtrack.sequences.readers.raw import NotJointsError, Raw
 
-GZIP_MAGIC = b"\x1f\x8b"
-# tars may also be compressed with these
-BZ2_MAGIC, XZ_MAGIC = b"BZh", b"\xfd7zXZ"
 _TAR_MAGIC_AT = 257
 _BLANK = b"\xef\xbb\xbf \t\r\n"
 
@@ -53,10 +50,14 @@ def read_file(
         for way in ways("file"):
             if way.mine(head, path):
                 return way.read(path)
-        if _is_tar(head) or head.startswith((BZ2_MAGIC, XZ_MAGIC)):
+        if _is_tar(head):
             return panoptic_tar.read_tar(path, frames)
-        if head.startswith(GZIP_MAGIC):
-            return _read_gzip(path, frames, kind)
+        if packed.is_packed(head, path):
+            return _read_packed(path, frames, kind)
+        alone = packed.only_member(path) if head.startswith(ZIP_MAGIC) and path.is_file() else None
+        if alone is not None:
+            with packed.member(path, alone) as (first, content):
+                return _unpacked(first, content, path, kind, alone)
         if head.startswith(ZIP_MAGIC) and kind is None and path.is_file():
             # its members are read one by one, not the file as a whole
             budget.check(path.stat().st_size, path)
@@ -143,15 +144,18 @@ def _is_tar(head: bytes) -> bool:
     return head[_TAR_MAGIC_AT : _TAR_MAGIC_AT + 5] == b"ustar"
 
 
-def _read_gzip(path: Path, frames: tuple[int, int] | None, kind: str | None) -> list[Raw]:
-    try:
-        with gzip.open(path) as stream:
-            head = stream.read(512)
-            if _is_tar(head):
-                return panoptic_tar.read_tar(path, frames)
-            data = head + budget.unpacked(stream, path, path.stat().st_size)
-    except (OSError, EOFError, zlib.error) as error:
-        raise InputError(
-            f"the gzip file is damaged or cut short ({shown(str(error), 120)})", path
-        ) from None
+def _read_packed(path: Path, frames: tuple[int, int] | None, kind: str | None) -> list[Raw]:
+    with packed.unpacking(path) as (head, stream):
+        if not _is_tar(head):
+            return _unpacked(head, stream, path, kind)
+    return panoptic_tar.read_tar(path, frames)
+
+
+def _unpacked(
+    head: bytes, stream: IO[bytes], path: Path, kind: str | None, inner: str = ""
+) -> list[Raw]:
+    way = packed.way_of(head, path)
+    if way is not None:
+        return packed.from_scratch(head, stream, path, way.read, inner)
+    data = head + budget.unpacked(stream, path, path.stat().st_size)
     return read_bytes(data, path, kind)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from handtrack.errors import InputError
+from handtrack.sequences.clock import MAX_NS, UNIT_NS
 from handtrack.sequences.readers.raw import Array, Raw
 from handtrack.sequences.readers.record_places import Picked
 from handtrack.sequences.readers.records import read_records
@@ -25,18 +26,32 @@ from handtrack.sequences.readers.robot_messages import (
     Transform,
     Transforms,
 )
+from handtrack.sequences.titles import time_unit
 
 _POINT = ("x", "y", "z")
 _TURN = ("x", "y", "z", "w")
 
 
+_FLAT = ("position", "pose", "point", "poses", "markers", "transforms", "transform")
+
+
 def is_frame(value: Any) -> bool:
-    """Whether an object is a message with its topic."""
-    return (
-        isinstance(value, dict)
-        and isinstance(value.get("topic"), str)
-        and isinstance(value.get("msg"), dict)
+    """Whether an object is a message with its topic, or beside it."""
+    if not isinstance(value, dict) or not isinstance(value.get("topic"), str):
+        return False
+    return isinstance(value.get("msg"), dict) or any(
+        isinstance(value.get(key), dict | list) for key in _FLAT
     )
+
+
+def _content(value: dict[str, Any]) -> dict[str, Any]:
+    """The message, which may stand beside its topic."""
+    inner = value.get("msg")
+    if isinstance(inner, dict):
+        return inner
+    if isinstance(value.get("position"), dict | list):
+        return {**value, "pose": {"position": value["position"]}}
+    return value
 
 
 def read_frames(values: list[Any], places: Items[str], path: Path) -> list[Raw]:
@@ -54,7 +69,7 @@ def read_frames(values: list[Any], places: Items[str], path: Path) -> list[Raw]:
         if not is_frame(value):
             continue
         try:
-            message, stamp = _message(value["msg"]), _stamp_of(value)
+            message, stamp = _message(_content(value)), _stamp_of(value)
         except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
             raise InputError(f"{places[i]} is no message of poses", path) from None
         if message is None:
@@ -79,7 +94,7 @@ def _topic(
     topic: str, rows: list[int], values: list[Any], places: Items[str], path: Path
 ) -> list[Raw]:
     """The hands of one topic of messages that are read as any JSON."""
-    raws = read_records([values[i]["msg"] for i in rows], Picked(places, rows), path)
+    raws = read_records([_content(values[i]) for i in rows], Picked(places, rows), path)
     for raw in raws:
         if raw.hand is None:
             raw.hand = side_in(topic)
@@ -89,9 +104,24 @@ def _topic(
 def _stamp_of(value: Any) -> int:
     if not is_frame(value):
         return 0
-    msg = value["msg"]
+    msg = _content(value)
     inner = next((v for k in ("markers", "transforms") if isinstance(v := msg.get(k), list)), [msg])
-    return max((_stamp(m) for m in inner if isinstance(m, dict)), default=0)
+    stamp = max((_stamp(m) for m in inner if isinstance(m, dict)), default=0)
+    return stamp or _time_beside(value)
+
+
+def _time_beside(value: dict[str, Any]) -> int:
+    """The time that stands beside a topic [ns], in the unit that its name or its size says; 0:
+    none."""
+    for key, time in value.items():
+        unit = time_unit(key)
+        if unit is None or isinstance(time, bool) or not isinstance(time, int | float):
+            continue
+        if not unit:
+            size = abs(time)
+            unit = "s" if size < 1e11 else "ms" if size < 1e14 else "us" if size < 1e17 else "ns"
+        return round(time * UNIT_NS[unit]) if abs(time) * UNIT_NS[unit] < MAX_NS else 0
+    return 0
 
 
 def _message(msg: dict[str, Any]) -> Message | None:
@@ -116,6 +146,8 @@ def _message(msg: dict[str, Any]) -> Message | None:
     if isinstance(pose, dict) and isinstance(pose.get("pose"), dict):
         pose = pose["pose"]  # with its covariance
     point = pose.get("position") if isinstance(pose, dict) else msg.get("point")
+    if isinstance(point, list) and len(point) == len(_POINT):
+        point = dict(zip(_POINT, point, strict=True))
     if not isinstance(point, dict):
         return None
     return Poses(_stamp(msg) or None, _frame(msg), _point(point)[None])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 from collections.abc import Callable
 from collections.abc import Sequence as Items
 from dataclasses import dataclass, field
@@ -42,6 +43,8 @@ class Table:
         first: the first line's cells, for messages.
         path: the file.
         normalised: whether its places are called normalised landmarks, as MediaPipe does.
+        remarks: lines of comment above it.
+        again: rows before which the titles stand again, as where files were joined.
     """
 
     lines: list[str]
@@ -51,6 +54,8 @@ class Table:
     first: list[str]
     path: Path
     normalised: bool = False
+    remarks: list[str] = field(default_factory=list)
+    again: list[int] = field(default_factory=list)
     _all: list[str] | None = field(default=None, init=False, repr=False)
     _once: AtOnce | None = field(default=None, init=False, repr=False)
 
@@ -180,7 +185,8 @@ def read_cells(data: bytes, path: Path) -> Table:
         NotJointsError: no text.
         InputError: no lines.
     """
-    lines, places, comment = lines_of(data, path)
+    lines, places, remarks = lines_of(data, path)
+    comment = remarks[-1] if remarks else ""
     if not lines:
         raise InputError("no lines in it", path)
     quoted = b'"' in data and any('"' in line for line in lines)
@@ -196,7 +202,7 @@ def read_cells(data: bytes, path: Path) -> Table:
         separator = SEPARATOR
     n_titles = _title_lines(lines, separator)
     titles = [_cells(line, separator) for line in lines[:n_titles]]
-    body, places = lines[n_titles:], places[n_titles:]
+    body, places, again = _without_titles(lines[n_titles:], places[n_titles:], lines[:n_titles])
     if body and not titles and comment:
         # np.savetxt puts its header behind a "#"
         said = (
@@ -213,9 +219,23 @@ def read_cells(data: bytes, path: Path) -> Table:
     apart = spread(body, places, lambda line: _cells(line, separator), joined, path)
     if apart is not None:
         (body, joined), separator = apart, SEPARATOR
-    table = Table(body, places, separator, joined, [], path, normalised)
+    table = Table(body, places, separator, joined, [], path, normalised, remarks, again)
     table.first = table.cells(0) if body else []
     return table
+
+
+def _without_titles(
+    body: list[str], places: list[int], titles: list[str]
+) -> tuple[list[str], list[int], list[int]]:
+    """Lines of data and their numbers without those that are the titles again, and the rows that
+    these stood before."""
+    if not titles or titles[-1] not in body:
+        return body, places, []
+    known = set(titles)
+    kept = [i for i, line in enumerate(body) if line not in known]
+    lost = [i for i, line in enumerate(body) if line == titles[-1]]
+    again = sorted({bisect_left(kept, row) for row in lost} - {0, len(kept)})
+    return [body[i] for i in kept], [places[i] for i in kept], again
 
 
 def is_number(cell: str) -> bool:

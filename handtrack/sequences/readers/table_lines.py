@@ -31,8 +31,8 @@ def _text(data: bytes, path: Path) -> str:
         raise NotJointsError(reason, path) from None
 
 
-def lines_of(data: bytes, path: Path) -> tuple[list[str], list[int], str]:
-    """Lines with something in them, their numbers, and the last comment before the first.
+def lines_of(data: bytes, path: Path) -> tuple[list[str], list[int], list[str]]:
+    """Lines with something in them, their numbers, and the comments before the first.
 
     Raises:
         NotJointsError: no text.
@@ -41,23 +41,23 @@ def lines_of(data: bytes, path: Path) -> tuple[list[str], list[int], str]:
     text = _text(data, path)
     plain = _plain_lines(text)
     if plain is not None:
-        return plain, list(range(1, len(plain) + 1)), ""
+        return plain, list(range(1, len(plain) + 1)), []
     lines: list[str] = []
     places: list[int] = []
-    comment = ""
+    comments: list[str] = []
     for number, line in _whole(text.replace("\r\n", "\n").replace("\r", "\n").split("\n")):
         start = line.lstrip()
         if not start:
             continue
         if start[0] == "#":
             if not lines:
-                comment = start.lstrip("#").strip()
+                comments.append(start.lstrip("#").strip())
             continue
         if len(line) > _LONGEST:
             raise InputError(f"line {number} has {len(line):,} letters: no row of a table", path)
         lines.append(line)
         places.append(number)
-    return lines, places, comment
+    return lines, places, comments
 
 
 def _plain_lines(text: str) -> list[str] | None:

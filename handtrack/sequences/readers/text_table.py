@@ -37,6 +37,7 @@ from handtrack.sequences.readers.raw import (
 )
 from handtrack.sequences.readers.table_cells import Table, read_cells
 from handtrack.sequences.readers.table_columns import HandColumns, read_columns
+from handtrack.sequences.readers.table_remarks import remarked
 from handtrack.sequences.readers.table_rows import by_hand, exported, label_column, stamps_in
 
 _MOST_COLUMNS = 5000
@@ -56,6 +57,15 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
             looks like a joint, a hand or a time and is not understood.
     """
     table = read_cells(data, path)
+    raws = remarked(_read(table, path), table.remarks)
+    if table.again:
+        places = ", ".join(str(table.places[row] - 1) for row in table.again[:3])
+        note = f"the titles stand again in line {places}: files that were joined"
+        raws[0].notes = (*raws[0].notes, note)
+    return raws
+
+
+def _read(table: Table, path: Path) -> list[Raw]:
     if table.titles is None or all(c.isdigit() or not c for c in table.titles):
         return read_bare(table, path)
     table.titles = doubled(table.titles)
@@ -100,6 +110,10 @@ def _read_titled(table: Table, titles: list[str], path: Path) -> list[Raw]:
         title = titles[columns.frame]
         values = table.numbers([columns.frame], [title])[:, 0]
         frame = frame_numbers(values, len(values), path, title)
+    elif stamps is None and table.again:  # each file's frames begin anew
+        begins = np.array([0, *table.again])
+        rows = np.arange(len(table.lines))
+        frame = rows - begins[np.searchsorted(begins, rows, "right") - 1]
     label = label_column(table, columns)
     notes = [note] if note else []
     if columns.unit is None and is_manus(titles):
