@@ -67,8 +67,8 @@ def read_npy(data: bytes | NDArray[np.uint8], path: Path, unpickle: Unpickle | N
     if dtype.hasobject:
         if unpickle is None:
             raise InputError(
-                "the .npy file holds pickled Python objects, which are not read; expected"
-                " plain arrays",
+                "the .npy file holds pickled Python objects, which are not read; save plain"
+                " numbers: np.save(path, np.asarray(joints, dtype=float)), NaN where none are",
                 path,
             )
         return unpickle(bytes(data[start:]))

@@ -51,7 +51,9 @@ def unpickle(data: bytes, path: str | Path) -> Any:
         return _Finished().of(run(machine), 0).value
     except RefusedError as error:
         raise InputError(
-            f"asks for {error}, which has no place among arrays: not read any further", path
+            f"asks for {error}, which has no place among arrays: not read any further; save"
+            " the numbers instead (np.savez, json.dump, DataFrame.to_csv)",
+            path,
         ) from None
     except _DAMAGED as error:
         reason = shown(str(error)) or "it ends early"

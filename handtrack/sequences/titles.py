@@ -157,7 +157,7 @@ def joints_key(name: str) -> JointsKey | None:
     rest = [w for w in rest if w not in TRUTH]
     if not all(w in JOINTS | ABOUT_JOINTS for w in rest):
         return None
-    if not (set(rest) & JOINTS or (truth and not rest)):
+    if not (set(rest) & JOINTS or (truth and not rest) or rest == ["world"]):
         return None
     return JointsKey(unit, truth, hand, "world" in rest)
 

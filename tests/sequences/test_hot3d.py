@@ -138,7 +138,7 @@ def test_two_cameras_of_one_moment_are_one_frame(tmp_path):
     ("change", "text"),
     [
         ({"joint_angles": [0.1] * 5}, "line 3: hand right: joint_angles is not 20 numbers"),
-        ({"wrist_xform": None}, "line 3: hand right has no wrist_xform"),
+        ({"wrist_xform": "x"}, "line 3: hand right has no wrist_xform"),
         ({"wrist_xform": {"t_xyz": [0, 0, 0], "q_wxyz": [0, 0, 0, 0]}}, "no rotation"),
         ({"wrist_xform": {"t_xyz": [0, "x", 0], "q_wxyz": QUATERNION}}, "t_xyz is not 3 numbers"),
     ],

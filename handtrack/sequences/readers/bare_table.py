@@ -11,13 +11,14 @@ import numpy as np
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import N_JOINTS, ORDERS
 from handtrack.sequences.clock import Stamps
+from handtrack.sequences.names import as_side
 from handtrack.sequences.readers.both_hands import two_hands
 from handtrack.sequences.readers.fields import JOINT_COUNTS as COUNTS
 from handtrack.sequences.readers.fields import PAIRS, frame_numbers
 from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, stem
-from handtrack.sequences.readers.table_cells import Table
+from handtrack.sequences.readers.table_cells import Table, is_number
 from handtrack.sequences.size import fitting_unit
-from handtrack.sequences.skeleton_check import misfit
+from handtrack.sequences.skeleton_check import GOOD, misfit
 
 _FAR_BETTER = 0.8
 """One order makes so much better a hand than another, at least."""
@@ -37,15 +38,55 @@ def read_bare(table: Table, path: Path) -> list[Raw]:
     table.check_width()
     values = table.numbers(range(width), [f"column {c + 1}" for c in range(width)])
     first = values[:, 0] if begin else None
+    labelled = begin and (n, per_joint) == (N_JOINTS, 3) and is_label_last(values)
+    if labelled:
+        begin, first, values = 0, None, values[:, :-1]
     if width == 3:
         frames = values.reshape(-1, n, 3)
     else:
         frames = values[:, begin:].reshape(len(values), n, per_joint)
     confidence = frames[..., 3] if per_joint == 4 else None
     raw = Raw(frames[..., :3], path, stem(path), confidence=confidence)
+    if labelled:
+        return [replace(raw, notes=(LABELLED,))]
     if n in COUNTS:
         return [_one_hand(raw, first, table, path)]
     return two_hands(_with_count(raw, first, table, path))
+
+
+def with_texts(table: Table) -> list[str] | None:
+    """Titles for a table without any that has words before or behind the 63 numbers of a hand: a
+    hand's name, a time, a label; None of any other."""
+    texts = [c for c, cell in enumerate(table.first) if cell and not is_number(cell)]
+    n = len(table.first) - len(texts)
+    others = [c for c in range(len(table.first)) if c not in texts]
+    if not texts or n not in (3 * N_JOINTS, 3 * N_JOINTS + 1) or len(texts) > 4:
+        return None
+    few = [table.cells(row)[others[0]] for row in range(min(3, len(table.lines)))]
+    counts = len({*few}) == 3 and all(c.isdigit() for c in few)
+    extra = {others[0 if counts else -1]} if n > 3 * N_JOINTS else set()
+    numbers = iter([f"{axis}{j}" for j in range(N_JOINTS) for axis in "xyz"])
+    titles = []
+    for c, cell in enumerate(table.first):
+        if c in texts:
+            time = cell[:1].isdigit() and ":" in cell
+            titles.append("timestamp" if time else "hand" if as_side(cell) else f"label {c}")
+        else:
+            name = "frame" if counts else f"label {c}"
+            titles.append(name if c in extra else next(numbers))
+    return titles
+
+
+LABELLED = "64 columns without titles: the last one is none of a hand and was left out"
+
+
+def is_label_last(values: Array) -> bool:
+    """Whether of (T, 64) numbers the last is none of a hand's, and not the first: a label."""
+    before, after = (
+        misfit(part.reshape(-1, N_JOINTS, 3), ORDERS["handtrack"])
+        for part in (values[:, :-1], values[:, 1:])
+    )
+    return bool(before < min(GOOD, _FAR_BETTER * after)) or bool(before < GOOD and np.isnan(after))
 
 
 def _layout(table: Table, path: Path) -> tuple[int, int, int]:

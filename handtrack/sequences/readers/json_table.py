@@ -17,9 +17,16 @@ def table_of(value: Any) -> bytes | None:
     """The same table as CSV; None where it is none of hands.
 
     Rows are `{"frame": 0, "wrist_x": 0.1, ...}`, or one of each joint `{"frame": 0, "joint":
-    "wrist", "x": ...}`; names and rows apart are `{"columns": [...], "data": [[...], ...]}`.
+    "wrist", "x": ...}`; names and rows apart are `{"columns": [...], "data": [[...], ...]}`; all
+    that pandas' to_json writes.
     """
     if isinstance(value, dict):
+        rows_in = value.get("data")
+        if isinstance(rows_in, list) and isinstance(value.get("schema"), dict):
+            return table_of(rows_in)
+        by_names = _of_names(value)
+        if by_names is not None:
+            return table_of(by_names)
         titles, rows = value.get("columns"), value.get("data")
         if not isinstance(titles, list) or not isinstance(rows, list) or len(titles) > _MOST:
             return None
@@ -40,6 +47,21 @@ def table_of(value: Any) -> bytes | None:
             return None
         rows.append([row.get(name) for name in value[0]])
     return _written(names, rows)
+
+
+def _of_names(value: dict[str, Any]) -> list[dict[str, Any]] | None:
+    """Rows of what pandas writes by columns (`{"wrist_x": {"0": 0.1, ...}, ...}`) or by its index
+    (`{"0": {"wrist_x": 0.1, ...}, ...}`); None of anything else."""
+    first = next(iter(value.values()), None)
+    if not isinstance(first, dict) or not first or len(value) * len(first) > 5 * 10**7:
+        return None
+    if not all(isinstance(v, dict) and v.keys() == first.keys() for v in value.values()):
+        return None
+    if not _PLAIN.issuperset(map(type, first.values())):
+        return None
+    if _is_of_hands(list(value), len(first)):
+        return [{name: column[key] for name, column in value.items()} for key in first]
+    return list(value.values()) if _is_of_hands(list(first), len(value)) else None
 
 
 def _is_of_hands(names: list[str], rows: int) -> bool:

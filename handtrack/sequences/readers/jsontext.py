@@ -84,11 +84,46 @@ def _place(message: str, data: bytes, first_line: int) -> str:
     found = _BYTE.search(message)
     if found is None:  # "Input data was truncated"
         line = data.count(b"\n") + first_line
-        return f"the JSON is cut short: it ends after {len(data)} bytes (line {line})"
+        cure = "leave that line out" if first_line > 1 else "its last brackets are not there"
+        return f"the JSON is cut short: it ends after {len(data)} bytes (line {line}): {cure}"
     byte = int(found[1])
     line = data[:byte].count(b"\n") + first_line
     reason = message[: found.start()].removeprefix("JSON is malformed: ")
-    return f"wrong JSON: {reason} at byte {byte} (line {line})"
+    cure = ": leave that comma out" if "trailing comma" in reason else ""
+    return f"wrong JSON: {reason} at byte {byte} (line {line}){cure}"
+
+
+_QUOTES = bytes.maketrans(b"()'", b'[]"')
+_PRINTED = re.compile(rb"\[?\s*(?:[\[({]\s*)*(?:['(]|landmark\s*\{|np\.)")
+_NUMPYS = re.compile(rb"(?:np\.|numpy\.)?(?:float|int)\d+\(([^()]*)\)")
+_WORDS = {b"None": b"null", b"nan": b"null", b"True": b"true", b"False": b"false"}
+_LANDMARK = re.compile(rb"landmark\s*\{([^{}]*)\}")
+_PLACE = re.compile(rb"x:\s*(\S+)\s+y:\s*(\S+)\s+z:\s*(\S+)")
+_HAND = 21
+
+
+def of_python(data: bytes) -> bytes:
+    """JSON of what Python prints: tuples, names in single quotes, None; and MediaPipe's
+    `landmark { x: ... }`. Anything else as it is."""
+    if not _PRINTED.match(data.removeprefix(b"\xef\xbb\xbf")[:200]):
+        return data
+    if b'"' in data:
+        return data
+    if _LANDMARK.search(data[:400]):
+        return _landmarks(data)
+    data = _NUMPYS.sub(rb"\1", data) if b"(" in data else data
+    data = data.translate(_QUOTES)
+    return re.sub(rb"\b(?:None|nan|True|False)\b", lambda m: _WORDS[m[0]], data)
+
+
+def _landmarks(data: bytes) -> bytes:
+    """Frames of 21 landmarks, one behind the other."""
+    places = [_PLACE.search(inside) for inside in _LANDMARK.findall(data)]
+    if not places or len(places) % _HAND or not all(places):
+        return data
+    rows = [b"[" + b",".join(m.groups()) + b"]" for m in places if m is not None]
+    hands = [b",".join(rows[i : i + _HAND]) for i in range(0, len(rows), _HAND)]
+    return b"[[" + b"],[".join(hands) + b"]]"
 
 
 def one_after_another(data: bytes) -> list[Any] | None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handtrack.files import npz
 from handtrack.hand.skeleton import N_JOINTS
 from handtrack.sequences.readers import freemocap, mano_params, visionpro
+from handtrack.sequences.readers.bare_table import LABELLED, is_label_last
 from handtrack.sequences.readers.both_hands import by_frame, of_sides, two_hands
 from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.fields import as_frames, from_fields
@@ -31,9 +34,17 @@ def read_npy(data: bytes, path: Path) -> list[Raw]:
     whole = freemocap.holistic(array, path)
     if whole is not None:
         return whole
+    if array.ndim == 2 and array.shape[1] == 64 and array.dtype.kind in "fiu":
+        raws = [Raw(as_frames(a, path, "the array"), path, stem(path)) for a in _labelled(array)]
+        return [replace(raw, notes=(LABELLED,)) for raw in raws]
     return flat_too(
         lambda a: two_hands(Raw(as_frames(a, path, "the array"), path, stem(path))), array
     )
+
+
+def _labelled(array: NDArray[Any]) -> list[NDArray[Any]]:
+    """The numbers of hands that have a label behind them; as they are, where they have none."""
+    return [array[:, :-1] if is_label_last(array.astype(np.float64)) else array]
 
 
 def read_npz(data: bytes | Path, path: Path) -> list[Raw]:

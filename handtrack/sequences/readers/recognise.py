@@ -20,7 +20,7 @@ from handtrack.sequences.readers import (
 )
 from handtrack.sequences.readers.catalogue import kinds, ways
 from handtrack.sequences.readers.json_file import from_value, is_lines, read_json, read_lines
-from handtrack.sequences.readers.jsontext import as_utf8, decode, one_after_another
+from handtrack.sequences.readers.jsontext import as_utf8, decode, of_python, one_after_another
 from handtrack.sequences.readers.numpy_file import ZIP_MAGIC, read_npz
 from handtrack.sequences.readers.raw import NotJointsError, Raw
 
@@ -99,6 +99,7 @@ def _by_content(data: bytes, path: Path) -> list[Raw]:
         raise NotJointsError(
             "not a joint sequence: expected JSON, CSV, .npz, .npy, .mcap or a Panoptic .tar", path
         )
+    data = of_python(data)
     text = data.lstrip(_BLANK)
     for way in ways("text"):
         if way.mine(text, path):

@@ -81,9 +81,11 @@ class Table:
         for i, line in enumerate(self.lines):
             if (len(line.split()) - 1 if mark is None else line.count(mark)) != n:
                 first = self.places[0] if self.titles is None else 1
+                cut = i and i == len(self.lines) - 1
                 raise InputError(
                     f"line {self.places[i]} has {len(self.cells(i))} columns,"
-                    f" line {first} has {self.width}",
+                    f" line {first} has {self.width}"
+                    + (": it is cut short, leave it out" if cut else ""),
                     self.path,
                 )
 

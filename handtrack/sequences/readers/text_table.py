@@ -21,8 +21,9 @@ from pathlib import Path
 import numpy as np
 
 from handtrack.errors import InputError
+from handtrack.sequences.names import AXES, words
 from handtrack.sequences.readers.aria import InDevice
-from handtrack.sequences.readers.bare_table import read_bare
+from handtrack.sequences.readers.bare_table import read_bare, with_texts
 from handtrack.sequences.readers.catalogue import Format
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.long_columns import long_columns
@@ -39,12 +40,14 @@ from handtrack.sequences.readers.table_cells import Table, read_cells
 from handtrack.sequences.readers.table_columns import HandColumns, read_columns
 from handtrack.sequences.readers.table_remarks import remarked
 from handtrack.sequences.readers.table_rows import by_hand, exported, label_column, stamps_in
+from handtrack.sequences.titles import column
 
 _MOST_COLUMNS = 5000
 _FEWEST_DOUBLED = 60
 _OF_HAND = re.compile(r"(?i)(?:h|hand)[_ .-]?([0-3])[_ .-]+(\D.*|\d+\D.*)")
 _FEWEST_OF_HAND = 36
 """Titles that begin with a hand's number, h0_x0 or hand_1_wrist_x."""
+_PICTURE = {"image", "img", "picture", "pixel", "pixels", "px", "screen", "norm", "normalized"}
 _MANUS = {"hand", "thumb_cmc", "thumb_dip", "index_cmc", "pinky_tip"}
 
 
@@ -66,9 +69,14 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
 
 
 def _read(table: Table, path: Path) -> list[Raw]:
+    if table.titles is not None and [t.lower() for t in table.titles] == list("xyz"):
+        table.titles = None
+    titles = with_texts(table) if table.titles is None else None
+    if titles is not None:
+        return _read_titled(replace(table, titles=titles), titles, path)
     if table.titles is None or all(c.isdigit() or not c for c in table.titles):
         return read_bare(table, path)
-    table.titles = doubled(table.titles)
+    table.titles = worlds_only(doubled(table.titles))
     if table.width > _MOST_COLUMNS:
         raise NotJointsError(f"a table of {table.width} columns is of no hands", path)
     own = exported(table.titles)
@@ -171,6 +179,24 @@ def doubled(titles: list[str]) -> list[str]:
     return out
 
 
+_WORLDS = 36
+"""So many coordinates called of the world are a hand's."""
+
+
+def worlds_only(titles: list[str]) -> list[str]:
+    """Titles of places in the picture left empty, where the same table has them in the world."""
+    places = [
+        c for c, t in enumerate(titles) if (said := column(t)) is not None and said.axis is not None
+    ]
+    worlds = {c for c in places if "world" in words(titles[c])}
+    if len(worlds) < _WORLDS:
+        return titles
+    axes = {w for c in worlds for w in words(titles[c]) if w in AXES}
+    flat = {c for c, t in enumerate(titles) if axes & set(words(t)) and _PICTURE & set(words(t))}
+    gone = (set(places) - worlds) | flat
+    return ["" if c in gone else t for c, t in enumerate(titles)]
+
+
 def is_manus(titles: list[str]) -> bool:
     """Whether a table is Manus Core's, by the joints that no other calls so."""
     there = {t.lower().replace("_position", "").rpartition("_")[0] for t in titles}
@@ -189,10 +215,10 @@ def _joints(table: Table, titles: list[str], places: HandColumns) -> tuple[Array
         return joints, None
     values = table.numbers(list(sure.values()), [titles[c] for c in sure.values()])
     confidence = np.ones((n, places.n_joints))
-    for joint, column in zip(sure, values.T, strict=True):
+    for joint, said in zip(sure, values.T, strict=True):
         # a whole hand's confidence counts for each joint
         rows = slice(None) if joint == -1 else joint
-        confidence[:, rows] *= column[:, None] if joint == -1 else column
+        confidence[:, rows] *= said[:, None] if joint == -1 else said
     return joints, usable_confidence(confidence)
 
 
