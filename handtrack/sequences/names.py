@@ -73,7 +73,7 @@ NOISE = {
     *("position", "positions", "pos", "bone", "bones", "landmark", "landmarks", "kp", "kpt", "j"),
     *("keypoint", "keypoints", "point", "points", "b", "lm", "p", "pt", "global", "world"),
     *("location", "translation", "coord", "coordinate", "marker", "frame", "node", "device", "in"),
-    *("transform", "pose", "tracked", "rig", "mixamorig", "skeleton", "human", "def"),
+    *("transform", "pose", "tracked", "rig", "mixamorig", "skeleton", "human", "def", "name"),
 }
 WRIST = {"wrist", "carpus"}
 EXTRA = {"palm", "forearm", "elbow", "arm", "none", "invalid"}
@@ -333,9 +333,13 @@ def _slot_of_thumb(part: int, parts: set[int]) -> int:
     return part + 1
 
 
+_ABOUT_SIDE = {"hand", "hands", "type", "side", "chirality", "handedness", "xr", "ext"}
+"""Words beside a hand's in the names of enums: HandType.Right, XR_HAND_RIGHT_EXT."""
+
+
 def as_side(value: object) -> Hand | None:
     """A label such as "Left", "R" or "right_hand" as a hand, None where it is none."""
-    if not isinstance(value, str) or len(value) > 20:
+    if not isinstance(value, str) or len(value) > 30:
         return None
     side, rest = without_hand(words(value))
-    return side if all(word in ("hand", "hands") for word in rest) else None
+    return side if _ABOUT_SIDE.issuperset(rest) else None

@@ -39,6 +39,8 @@ MOST_NAMES = 5000
 MOST_HANDS = 4
 """Hands of a frame."""
 _DEEPEST = 6
+_FEWEST = 16
+"""Objects with a place each that are a hand under any name."""
 TEXTS: tuple[str, ...] = (
     "categoryName",
     "category_name",
@@ -108,6 +110,10 @@ def hands_in(frame: Any, label: Any = None, depth: int = 0) -> list[Found]:
             found = hands_in(inner, label, depth + 1)
             if found:
                 return found
+    for inner in frame.values():  # a list of joints tells itself, whatever it is called
+        full = isinstance(inner, list) and len(inner) >= _FEWEST
+        if full and are_points(inner) and all(isinstance(p, dict) for p in inner):
+            return [_found(frame, inner, "", label)]
     return []
 
 

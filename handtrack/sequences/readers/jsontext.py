@@ -137,7 +137,7 @@ def one_after_another(data: bytes) -> list[Any] | None:
     values: list[Any] = []
     try:
         while at < len(text):
-            while at < len(text) and text[at].isspace():
+            while at < len(text) and (text[at].isspace() or text[at] == ","):
                 at += 1
             if at < len(text):
                 value, at = decoder.raw_decode(text, at)

@@ -6,7 +6,7 @@
     {"0": point, ...} | {"x": [...], "y": [...], "z": [...]} | {"thumb": [point x 4], ...}
 
 A point is [x, y, z], {"x", "y", "z"}, either of them under "position" (itself under "transform"
-or "pose"), or the 16 numbers of a column-major matrix; null is a missing joint.
+or "pose"), or the 16 numbers of a matrix, by rows or by columns; null is a missing joint.
 """
 
 from __future__ import annotations
@@ -309,8 +309,9 @@ def _point(given: Any, where: str, path: Path) -> Array:
         numbers = np.array(value, dtype=np.float64)
     except (ValueError, TypeError, OverflowError):
         numbers = np.zeros(0)
-    if numbers.shape == (16,):
-        return numbers[12:15]
+    if numbers.shape in ((16,), (4, 4)):
+        rows = numbers.reshape(4, 4)  # the place is its last row or its last column
+        return rows[3, :3] if rows[3, :3].any() else rows[:3, 3]
     if numbers.shape == (4,):
         return numbers[:3]
     if numbers.shape != (3,):

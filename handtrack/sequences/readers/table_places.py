@@ -24,13 +24,17 @@ NORMALISED = "NormalizedLandmark"
 SEPARATOR = "\x1f"
 """Separates cells of which some held several numbers: no text holds it."""
 _EMPTY = {"", "nan", "na", "n/a", "null", "none", "-", "--", "[]", "()", "{}", "<na>"}
+_NOT_SEEN = _EMPTY | {"0", "0.0", "-1"}
+"""What stands for a place that was not seen, in a column of places."""
 _LOOK = 50
 _BRACKETS = re.compile(
     r"\[(?:[^\[\]]|\[[^\[\]]*\])*\]|\((?:[^()]|\([^()]*\))*\)|\{(?:[^{}]|\{[^{}]*\})*\}"
 )
 _INSIDE = re.compile(r"[,;\t]")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)\b|None\b|null\b"
-_WRAPPER = re.compile(r"(?:np\.|numpy\.)?\b(?:array|float\d*|dtype=\w+)")
+_WRAPPER = re.compile(
+    r"(?:np\.|numpy\.)?\b(?:array|float\d*|dtype=\w+|SIMD3<\w+>|[Vv]ec(?:tor)?3[df]?|Point3?[df]?)"
+)
 _BETWEEN = re.compile(r"[\s,;|()\[\]{}]+")
 _NAMED = re.compile(
     rf"(?<![a-zA-Z])([xyzXYZ])['\"]?\s*[:=]\s*(?:np\.float\d+\()?({_NUMBER})(?![\w.])"
@@ -59,6 +63,8 @@ def _numbers(cell: str) -> list[str]:
     """The coordinates in a cell, in threes; none where it is something else."""
     if len(cell) > _LONGEST:
         return []
+    if cell[:1] == "(" and cell[-1:] == ")":  # else a date
+        cell = cell.replace("/", " ")
     named = _NAMED.findall(cell)
     if named:
         axes = "".join(axis.lower() for axis, _ in named)
@@ -112,7 +118,7 @@ def spread(
             width = widths.get(c)
             if width is None:
                 row.append(cell)
-            elif cell.lower() in _EMPTY:
+            elif cell.lower() in _NOT_SEEN:
                 row += ["nan"] * width
             else:
                 row += _row(cell, width, f"line {place}: column {c + 1}", path)
@@ -231,6 +237,8 @@ def _template(cell: str, width: int) -> str | None:
     if width > 3 or any(character.isdigit() for part in parts[::2] for character in part):
         return None
     wanted = _numbers(cell)
+    if len(wanted) < width:
+        return None
     found, pattern = 0, ""
     for i, part in enumerate(parts):
         if i % 2 == 0:
@@ -247,7 +255,7 @@ def _widths(cells_of: list[list[str]]) -> dict[int, int]:
     widths: dict[int, int] = {}
     for cells in cells_of:
         for c, cell in enumerate(cells):
-            if c not in widths and cell.lower() not in _EMPTY:
+            if c not in widths and cell.lower() not in _NOT_SEEN:
                 n = len(_numbers(cell)) if len(cell) > 4 else 0
                 widths[c] = n if n in _WIDTHS else 0
     return {c: n for c, n in widths.items() if n}

@@ -76,7 +76,7 @@ def _read(table: Table, path: Path) -> list[Raw]:
         return _read_titled(replace(table, titles=titles), titles, path)
     if table.titles is None or all(c.isdigit() or not c for c in table.titles):
         return read_bare(table, path)
-    table.titles = worlds_only(doubled(table.titles))
+    table.titles = plain_axes(worlds_only(doubled(table.titles)))
     if table.width > _MOST_COLUMNS:
         raise NotJointsError(f"a table of {table.width} columns is of no hands", path)
     own = exported(table.titles)
@@ -195,6 +195,19 @@ def worlds_only(titles: list[str]) -> list[str]:
     flat = {c for c, t in enumerate(titles) if axes & set(words(t)) and _PICTURE & set(words(t))}
     gone = (set(places) - worlds) | flat
     return ["" if c in gone else t for c, t in enumerate(titles)]
+
+
+_P_AXIS = re.compile(r"(?i)(?<![a-z])p(?:os)?[_ .]?([xyz])$|(?<=[a-z])P([XYZ])$")
+
+
+def plain_axes(titles: list[str]) -> list[str]:
+    """Titles that end in px, py, pz, as engines write positions beside rotations, with x, y, z."""
+    ends = [m[1] or m[2] for t in titles if (m := _P_AXIS.search(t)) is not None]
+    count = Counter(end.lower() for end in ends)
+    if not count or len(set(count.values())) > 1 or len(count) < 3:
+        return titles
+    plain = [_P_AXIS.sub(lambda m: m[1] or m[2], t) for t in titles]
+    return plain if len(set(plain)) == len(set(titles)) else titles
 
 
 def is_manus(titles: list[str]) -> bool:
