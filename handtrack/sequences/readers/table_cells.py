@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from bisect import bisect_left
 from collections.abc import Callable
 from collections.abc import Sequence as Items
 from dataclasses import dataclass, field
@@ -14,7 +13,7 @@ import numpy as np
 from handtrack.errors import InputError
 from handtrack.sequences.readers.columns_at_once import LARGE, MISSING, AtOnce, Coded
 from handtrack.sequences.readers.raw import Array
-from handtrack.sequences.readers.table_lines import lines_of, unquoted
+from handtrack.sequences.readers.table_lines import lines_of, unquoted, without_titles
 from handtrack.sequences.readers.table_places import (
     NORMALISED,
     SEPARATOR,
@@ -204,7 +203,7 @@ def read_cells(data: bytes, path: Path) -> Table:
         separator = SEPARATOR
     n_titles = _title_lines(lines, separator)
     titles = [_cells(line, separator) for line in lines[:n_titles]]
-    body, places, again = _without_titles(lines[n_titles:], places[n_titles:], lines[:n_titles])
+    body, places, again = without_titles(lines[n_titles:], places[n_titles:], lines[:n_titles])
     if body and not titles and comment:
         # np.savetxt puts its header behind a "#"
         said = (
@@ -224,20 +223,6 @@ def read_cells(data: bytes, path: Path) -> Table:
     table = Table(body, places, separator, joined, [], path, normalised, remarks, again)
     table.first = table.cells(0) if body else []
     return table
-
-
-def _without_titles(
-    body: list[str], places: list[int], titles: list[str]
-) -> tuple[list[str], list[int], list[int]]:
-    """Lines of data and their numbers without those that are the titles again, and the rows that
-    these stood before."""
-    if not titles or titles[-1] not in body:
-        return body, places, []
-    known = set(titles)
-    kept = [i for i, line in enumerate(body) if line not in known]
-    lost = [i for i, line in enumerate(body) if line == titles[-1]]
-    again = sorted({bisect_left(kept, row) for row in lost} - {0, len(kept)})
-    return [body[i] for i in kept], [places[i] for i in kept], again
 
 
 def is_number(cell: str) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from bisect import bisect_left
 from collections.abc import Iterator
 from collections.abc import Sequence as Items
 from pathlib import Path
@@ -116,3 +117,17 @@ def _unquoted(line: str, separator: str, place: int, path: Path) -> str:
         return SEPARATOR.join(next(csv.reader([line], delimiter=separator, skipinitialspace=True)))
     except csv.Error as error:
         raise InputError(f"line {place}: {error}", path) from None
+
+
+def without_titles(
+    body: list[str], places: list[int], titles: list[str]
+) -> tuple[list[str], list[int], list[int]]:
+    """Lines of data and their numbers without those that are the titles again, and the rows that
+    these stood before."""
+    if not titles or titles[-1] not in body:
+        return body, places, []
+    known = set(titles)
+    kept = [i for i, line in enumerate(body) if line not in known]
+    lost = [i for i, line in enumerate(body) if line == titles[-1]]
+    again = sorted({bisect_left(kept, row) for row in lost} - {0, len(kept)})
+    return [body[i] for i in kept], [places[i] for i in kept], again
