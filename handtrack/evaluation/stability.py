@@ -51,9 +51,11 @@ def stability(
         The numbers of each, and of all frames together (`overall`).
 
     Raises:
-        InputError: there is no track.
+        InputError: there is no track, or something else is given.
     """
-    given = [tracks] if isinstance(tracks, Track | Sequence | Estimate) else list(tracks)
+    found: object = tracks
+    single = isinstance(found, Track | Sequence | Estimate)
+    given = list(found) if isinstance(found, Iterable) and not single else [found]
     if not given:
         raise InputError("no track to measure")
     estimates = [_estimate(t) for t in given]
@@ -163,9 +165,14 @@ def compare_arrays(
     )
 
 
-def _estimate(given: Track | Sequence | Estimate) -> Estimate:
+def _estimate(given: object) -> Estimate:
     if isinstance(given, Track):
         return Estimate.of_track(given)
+    if not isinstance(given, Sequence | Estimate):
+        raise InputError(
+            f"a {type(given).__name__} is neither a track nor a sequence: handtrack.read_mcap and"
+            " handtrack.load read them"
+        )
     return Estimate.of_sequence(given) if isinstance(given, Sequence) else given
 
 

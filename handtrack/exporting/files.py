@@ -19,7 +19,7 @@ from handtrack.exporting.settings import TABLES, ExportSettings
 from handtrack.exporting.table import write_csv, write_parquet
 from handtrack.files.whole import whole_file
 from handtrack.mcap.hand import hand_topics
-from handtrack.tracking.track import Track
+from handtrack.tracking.track import Track, tracks_of
 
 ROBOTS = (".urdf", ".xml", ".mjcf")
 FORMATS = (".csv", ".parquet", ".npz", ".bvh", ".glb", *ROBOTS)
@@ -116,7 +116,7 @@ def export(
         InputError: nothing of a hand can be animated, or the folder is missing.
         HandtrackError: writing failed.
     """
-    tracks = [tracks] if isinstance(tracks, Track) else list(tracks)
+    tracks = tracks_of(tracks)
     path = Path(path)
     kind = path.suffix.lower()
     if kind not in FORMATS:

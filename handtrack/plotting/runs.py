@@ -12,7 +12,7 @@ from handtrack.errors import SettingsError
 from handtrack.evaluation.metrics import pa_mpjpe
 from handtrack.hand.skeleton import ANGLE_NAMES, FINGERS
 from handtrack.recording.parts import between
-from handtrack.tracking.track import Track, mean_and_max
+from handtrack.tracking.track import Track, mean_and_max, tracks_of
 
 Array = NDArray[np.float64]
 
@@ -120,8 +120,9 @@ def runs_of(
 def _named(tracks: Track | Iterable[Track] | Mapping[str, Track]) -> list[tuple[str, Track]]:
     """Tracks with names that tell them apart, by what differs."""
     if isinstance(tracks, Mapping):
-        return [(str(name), track) for name, track in tracks.items()]
-    given = [tracks] if isinstance(tracks, Track) else list(tracks)
+        named = tracks_of(tracks.values())
+        return [(str(name), track) for name, track in zip(tracks, named, strict=True)]
+    given = tracks_of(tracks)
     parts = [(t.name, f"{t.hand} hand", str(t.settings.get("filter", ""))) for t in given]
     different = [len({part[i] for part in parts}) > 1 for i in range(3)]
     names = [

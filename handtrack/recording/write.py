@@ -33,7 +33,7 @@ from handtrack.mcap.stream import McapStream
 from handtrack.recording.settings import MeshChoice, RecordingSettings
 from handtrack.recording.summary import SUMMARY, HandSummary, summary_record
 from handtrack.tracking.events import log_lines
-from handtrack.tracking.track import Part, Track
+from handtrack.tracking.track import Part, Track, tracks_of
 
 FORMAT_VERSION = "2"
 BATCH = 128
@@ -80,7 +80,7 @@ def write_mcap(
         HandtrackError: writing failed (a full disk, no permission).
     """
     contents = RecordingSettings.of(mesh, compression, foxglove_mesh, recording)
-    tracks = [tracks] if isinstance(tracks, Track) else list(tracks)
+    tracks = tracks_of(tracks)
     if not tracks:
         raise SettingsError("there is no track to write")
     path = Path(path)

@@ -109,7 +109,7 @@ def load(
         SettingsError: unknown unit, order, hand, format or unit of time (with those that are
             known), fps not above zero, frames the wrong way round.
     """
-    where = Path(path)
+    where = as_path(path)
     given = check_settings(unit, order, fps, time_unit, mirror, image_size)
     choice = _hand_choice(hand)
     _check_frames(frames)
@@ -126,7 +126,7 @@ def load(
         ready = [decoded(r, None if mano is None else Path(mano), mano_tips, choice) for r in raws]
         clips = clips_of(without_marks(ready))
         if len(clips) == 1:
-            return _finish(clips[0], given, choice, frames)
+            return finished(clips[0], given, choice, frames)
         return _of_clips(clips, given, choice, frames)
 
     with budget.limited(max_size):
@@ -170,6 +170,20 @@ def load_some(path: str | PathLike[str], **options: Any) -> tuple[list[Sequence]
     return load(path, **options, passed_over=passed_over), passed_over
 
 
+def as_path(given: object) -> Path:
+    """A path that was given as one.
+
+    Raises:
+        InputError: it is something else.
+    """
+    if isinstance(given, str | PathLike):
+        return Path(given)
+    raise InputError(
+        f"a {type(given).__name__} is no path of a file or folder; joints that are in memory go to"
+        " handtrack.track as they are"
+    )
+
+
 def _is_there(path: Path) -> bool:
     try:
         return path.exists()
@@ -195,13 +209,13 @@ def _of_clips(
     """The sequences of each clip in which a hand is seen.
 
     Raises:
-        InputError: as `_finish`; none is seen in any.
+        InputError: as `finished`; none is seen in any.
     """
     found: list[Sequence] = []
     outside: NoFramesError | None = None
     for raws in [c for c in clips if any(map(anything_seen, c))] or clips[:1]:
         try:
-            found += _finish(raws, given, choice, frames)
+            found += finished(raws, given, choice, frames)
         except NoFramesError as error:
             outside = error
     if outside is not None and not found:
@@ -209,7 +223,7 @@ def _of_clips(
     return found
 
 
-def _finish(
+def finished(
     raws: list[Raw], given: Given, choice: HandChoice, frames: tuple[int, int] | None
 ) -> list[Sequence]:
     """The sequences of one source, checked, labelled and cut to the frames asked for."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -280,6 +280,23 @@ class LongTrack:
             raise InputError("a track needs frames")
         arrays = {n: None if kept is None else kept.whole() for n, kept in self._arrays.items()}
         return _track(head, self._events, skin, arrays)
+
+
+def tracks_of(given: object) -> list[Track]:
+    """One track or several, as a list.
+
+    Raises:
+        InputError: something of it is no track.
+    """
+    many = isinstance(given, Iterable) and not isinstance(given, Track | str | bytes)
+    tracks = list(cast("Iterable[object]", given)) if many else [given]
+    for one in tracks:
+        if not isinstance(one, Track):
+            raise InputError(
+                f"a {type(one).__name__} is no track: handtrack.track makes one of joints,"
+                " handtrack.read_mcap reads those of a recording"
+            )
+    return cast("list[Track]", tracks)
 
 
 def mean_and_max(distance: Array) -> tuple[Array, Array]:

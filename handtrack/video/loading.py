@@ -39,7 +39,7 @@ def _with_pictures(read: Callable[P, list[Sequence]]) -> Callable[P, list[Sequen
     @functools.wraps(read)
     def load(*args: P.args, **kwargs: P.kwargs) -> list[Sequence]:
         given = signature.bind(*args, **kwargs).arguments
-        path = Path(given["path"])
+        path = joints.as_path(given["path"])
         if not _holds_pictures(path):
             return read(*args, **kwargs)
         check_picture_options(path, given)

@@ -8,12 +8,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from handtrack.deprecated import old_positions
 from handtrack.detectors.chosen import AUTO
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import without_landmarks
 from handtrack.mcap.state import Stretch
+from handtrack.sequences.arrays import sequence_of
 from handtrack.sequences.picture import Picture
 from handtrack.sequences.sequence import Sequence
 from handtrack.tracking.sequence_track import track as track_joints
@@ -115,7 +117,7 @@ def _is_elsewhere(followed: Followed, views: Views) -> bool:
 
 @old_positions("calibrate", *OLD_ORDER, "progress", "on_part")
 def track(
-    sequence: Sequence,
+    sequence: Sequence | ArrayLike,
     model: HandModel | None = None,
     *,
     settings: TrackSettings | Mapping[str, Any] | None = None,
@@ -131,7 +133,8 @@ def track(
     hardly the pose. `picture=False` fits the joints alone.
 
     Args:
-        sequence: the joints of one hand.
+        sequence: the joints of one hand: a Sequence, or an array (T, 21, 3) or (T, 63) in metres in
+            MediaPipe's order, NaN where a joint is missing, taken as 30 frames/s (it is warned).
         model: the hand; the free default hand of the sequence's side if left out.
         settings: how to track; the defaults if left out.
         progress: called with the number of frames done: 0 when the hand is known, then now and
@@ -146,10 +149,12 @@ def track(
         joint centres; `settings["cameras"]` says how far they are from what the picture shows.
 
     Raises:
-        InputError: model and sequence are of different hands, or the sequence shows no bone.
+        InputError: model and sequence are of different hands, or the sequence shows no bone; an
+            array has another shape, or is no hand's joints in metres.
         SettingsError: an option is unknown, or a value makes no sense.
     """
     chosen = TrackSettings.of(settings, options)
+    sequence = sequence_of(sequence)
     picture = sequence.picture if chosen.picture else None
     if picture is None or (model is not None and model.hand != sequence.hand):
         return track_joints(sequence, model, settings=chosen, progress=progress, on_part=on_part)

@@ -14,7 +14,7 @@ import numpy as np
 
 from handtrack.errors import SettingsError
 from handtrack.files.whole import whole_file
-from handtrack.tracking.track import Track, mean_and_max
+from handtrack.tracking.track import Track, mean_and_max, tracks_of
 from handtrack.viewer import style
 from handtrack.viewer.blueprint import Placed, blueprint, placed
 from handtrack.viewer.eye import Eye
@@ -72,7 +72,7 @@ def log_rerun(
     """
     import rerun as rr
 
-    tracks = [tracks] if isinstance(tracks, Track) else list(tracks)
+    tracks = tracks_of(tracks)
     if not tracks:
         raise SettingsError("there is no track to show")
     hands, look = shown([Run("", tracks)]), Look(mesh=mesh, light=light)
