@@ -27,6 +27,8 @@ FINE = 0.3e-3**2
 """Variance of the joints below which residuals are the hand's, and no detector's noise [m^2]."""
 # of residuals that hardly change, this part counts as noise
 LEAST_MOVING = 0.05
+# what variances of corrected joints' noise that lasts, new and lasting, have beyond the residuals'
+CORRECTED_NEW, CORRECTED_LASTS = 3.0, 0.375
 # pairs of joints before anything is said; time over which means and correlations forget [s]
 LEAST_PAIRS, MEAN_S, PRODUCTS_S = 300.0, 2.0, 5.0
 
@@ -48,6 +50,17 @@ def parts_of(share, moving):
     """
     scale = 1.0 - share * (1.0 - max(moving, LEAST_MOVING))
     return (1.0 + 0.5 * share) * scale, 0.75 * share * scale
+
+
+@inline
+def corrected_parts(share, moving):
+    """As `parts_of`, of joints that a profile has corrected.
+
+    A correction draws the joints to hands that it knows, so residuals show less than the noise,
+    and what is new in every frame goes through it as well.
+    """
+    scale = 1.0 - share * (1.0 - max(moving, LEAST_MOVING))
+    return (1.0 + CORRECTED_NEW * share) * scale, CORRECTED_LASTS * share * scale
 
 
 @inline

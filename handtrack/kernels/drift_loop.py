@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from handtrack.kernels.colour import follow_share, parts_of
+from handtrack.kernels.colour import corrected_parts, follow_share, parts_of
 from handtrack.kernels.compiled import inline, kernel
 from handtrack.kernels.drift import (
     age_drift,
@@ -128,7 +128,10 @@ def come_to(s, works, solver, settings, motion, now, frame, note, seen):
         follow_share(s, dt, targets, weights, raw)
         if settings.moving >= 0.0:
             s.moving = settings.moving
-    s.white, s.colour = parts_of(s.share, s.moving)
+    if settings.corrected:
+        s.white, s.colour = corrected_parts(s.share, s.moving)
+    else:
+        s.white, s.colour = parts_of(s.share, s.moving)
     kind = enter(s, settings, process, now, raw, note)
     age_drift(s, dt, weights)
     if kind == BEGUN:

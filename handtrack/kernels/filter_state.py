@@ -193,6 +193,7 @@ class FilterNumbers(NamedTuple):
         share: what share of the joints' noise lasts, negative to follow it.
         moving: what part of the residuals is not their mean, negative to follow it.
         lasts_s: how long the noise lasts [s].
+        corrected: 1 where the noise is that of joints corrected by a profile.
     """
 
     coupled: int
@@ -206,6 +207,7 @@ class FilterNumbers(NamedTuple):
     share: float = 0.0
     moving: float = 1.0
     lasts_s: float = 0.1
+    corrected: int = 0
 
 
 @inline

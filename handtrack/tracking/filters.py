@@ -46,8 +46,16 @@ class PoseFilter(Protocol):
         """As `finish`, some frames at a time."""
 
 
-def make_filter(settings: TrackerSettings, model: HandModel) -> PoseFilter | None:
-    """The filter that the settings ask for; None for "none"."""
+def make_filter(
+    settings: TrackerSettings, model: HandModel, corrected: bool = False
+) -> PoseFilter | None:
+    """The filter that the settings ask for; None for "none".
+
+    Args:
+        settings: how to track.
+        model: the hand.
+        corrected: a profile corrects the joints.
+    """
     wanted = settings.filter
     if wanted.name == "none":
         return None
@@ -60,9 +68,9 @@ def make_filter(settings: TrackerSettings, model: HandModel) -> PoseFilter | Non
         kind = FilterPyFilter
     white = wanted.noise_colour == "white" or wanted.engine == "filterpy"
     if wanted.name == "rts":
-        drifting = None if white else DriftingFilter(model, settings)
+        drifting = None if white else DriftingFilter(model, settings, corrected)
         return Smoother(kind(model, settings), settings, drifting)
-    made = kind(model, settings) if white else DriftingFilter(model, settings)
+    made = kind(model, settings) if white else DriftingFilter(model, settings, corrected)
     return FixedLagFilter(made, wanted.lag) if wanted.name == "fixed-lag" else made
 
 

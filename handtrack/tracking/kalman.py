@@ -139,6 +139,7 @@ class DriftingFilter(KalmanFilter):
         moving: what part of the residuals is not their mean; negative to follow it.
         landmarks: whether the hand has landmarks that are no joints.
         lasts_s: for how long, to 1/e [s].
+        corrected: whether a profile corrects the joints, and nobody has said their noise.
     """
 
     record, kept = DRIFTING, KEPT_DRIFTING
@@ -146,9 +147,15 @@ class DriftingFilter(KalmanFilter):
     smooth = staticmethod(drift_smoother.smooth_drifting_frames)
     smooth_lagged = staticmethod(drift_smoother.lag_drifting_frames)
 
-    def __init__(self, model: HandModel, settings: TrackerSettings):
-        """As `KalmanFilter`."""
+    def __init__(self, model: HandModel, settings: TrackerSettings, corrected: bool = False):
+        """As `KalmanFilter`.
+
+        Args:
+            model, settings: as there.
+            corrected: a profile corrects the joints.
+        """
         super().__init__(model, settings)
+        self.corrected = corrected and not settings.fit.noise_m2
         said = settings.filter.noise_colour
         # landmarks that are no joints: what they are off by turns with the fingers
         self.landmarks = model.has_landmarks
@@ -159,7 +166,10 @@ class DriftingFilter(KalmanFilter):
     def with_model(self) -> tuple[Any, int, tuple[Any, ...]]:
         """As `KalmanFilter`."""
         settings = self._settings._replace(
-            share=self.share, moving=self.moving, lasts_s=self.lasts_s
+            share=self.share,
+            moving=self.moving,
+            lasts_s=self.lasts_s,
+            corrected=int(self.corrected),
         )
         return self._hand, information.address, tuple(settings)
 

@@ -68,7 +68,8 @@ class Tracker:
         meanwhile = partial(warm_up, self.chosen) if estimates else None
         self._program = solver.Program(self.chosen.fit, meanwhile=meanwhile)
         self._gate = Gate(self._program, model, self.chosen) if self.chosen.gate else None
-        self._filter = make_filter(self.chosen, model)
+        corrected = profile is not None and profile.correction is not None
+        self._filter = make_filter(self.chosen, model, corrected)
         self._coast_ns = self.chosen.coast_ns
         lasting = self.chosen.lasting_deg
         self._lasting = np.square(np.deg2rad(lasting)) if lasting else None

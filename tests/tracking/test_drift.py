@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from filter_cases import MODEL, frames_of, moving, poses, steady, turns_of
 
 import handtrack as ht
+from handtrack.detectors.profile import load_profile
 from handtrack.hand.rotations import matrix_to_vector
 from handtrack.kernels import colour
 from handtrack.kernels.drift import LEAST_UNIT
@@ -15,6 +18,7 @@ from handtrack.tracking import process_noise
 from handtrack.tracking.filter_input import Frames, LongFrames
 from handtrack.tracking.kalman import DriftingFilter, KalmanFilter
 from handtrack.tracking.process_noise import lasting_share
+from handtrack.tracking.tracker import Tracker
 from tools.bench.rendered.__main__ import DATA
 from tools.bench.rendered.cases import TRIANGULATED, Case, cases
 from tools.bench.rendered.layout import read
@@ -245,3 +249,27 @@ def test_the_noise_of_unseen_joints_is_vague_not_infinite():
     out, _ = made._run(frames_of(times_ns, joints), None)
     assert np.isfinite(poses(out)).all()
     assert np.linalg.norm(out["joints"][-1] - joints[-1], axis=-1).max() < 8e-3
+
+
+def test_corrected_joints_are_trusted_less_from_frame_to_frame():
+    """White noise stays what it is; of noise that lasts residuals show less than there is."""
+    assert colour.corrected_parts.py_func(0.0, 1.0) == (1.0, 0.0)
+    white, lasts = colour.parts_of.py_func(1.0, 1.0)
+    new, less = colour.corrected_parts.py_func(1.0, 1.0)
+    assert new > 2 * white
+    assert less < lasts
+
+
+def test_a_filter_knows_that_joints_are_corrected():
+    """By the tracker's profile; noise that somebody says is taken as it is said."""
+    profile = load_profile("mediapipe-3d")
+    hand = profile.on(MODEL)
+    offsets_alone = replace(profile, correction=None)
+    made = {
+        "corrected": Tracker(hand, profile=profile, filter="kalman"),
+        "offsets": Tracker(hand, profile=offsets_alone, filter="kalman"),
+        "joints": Tracker(MODEL, filter="kalman"),
+        "told": Tracker(hand, profile=profile, filter="kalman", noise_mm=3.0),
+    }
+    found = {name for name, tracker in made.items() if tracker._filter.with_model[2][-1]}
+    assert found == {"corrected"}
