@@ -32,17 +32,6 @@ def clip(sample, tmp_path_factory) -> Path:
     return path
 
 
-@pytest.fixture
-def call(capsys):
-    """call(...) -> (exit status, stdout, stderr)"""
-
-    def made(*arguments: object) -> tuple[int, str, str]:
-        capsys.readouterr()
-        return run([str(a) for a in arguments]), *capsys.readouterr()
-
-    return made
-
-
 def recordings(folder: str | Path) -> set[str]:
     return {str(p.relative_to(folder)) for p in Path(folder).rglob("*.mcap")}
 

@@ -43,15 +43,6 @@ def elsewhere(tmp_path, monkeypatch) -> Path:
     return tmp_path
 
 
-@pytest.fixture
-def call(capsys):
-    def made(*arguments: object) -> tuple[int, str, str]:
-        capsys.readouterr()
-        return run([str(a) for a in arguments]), *capsys.readouterr()
-
-    return made
-
-
 def test_what_goes_into_a_recording(call, short):
     sizes = {}
     for name, options in {

@@ -34,6 +34,12 @@ def read_toy(data, path):
     return [Raw(joints, path, stem(path), unit="mm", hand="right")]
 
 
+def read_toy_hdf5(file, path):
+    if "toy" not in file:
+        return None
+    return [Raw(file["toy"][()], path, stem(path), unit="mm", hand="right")]
+
+
 FORMATS = (
     Format(
         "Toy",
@@ -45,6 +51,7 @@ FORMATS = (
         kinds={"toy": read_toy},
         suffixes=(".toy",),
         ways=(Way("text", lambda data, path: data.startswith(b"TOY"), read_toy),),
+        hdf5=read_toy_hdf5,
     ),
 )
 """
@@ -82,3 +89,11 @@ def test_a_reader_is_added_by_its_module_alone(toy, tmp_path):
     ):
         np.testing.assert_allclose(found[0].joints, 1e-3 * joints, atol=1e-8)
     assert "Toy" in {f.name for f in catalogue.formats()}
+
+
+def test_so_is_one_of_hdf5(toy, tmp_path):
+    h5py = pytest.importorskip("h5py")
+    joints = 1e3 * HandModel.default("right").rest_joints + (10.0 + np.arange(5))[:, None, None]
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["toy"] = joints
+    np.testing.assert_allclose(ht.load(tmp_path / "a.h5")[0].joints, 1e-3 * joints, atol=1e-8)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from handtrack.sequences.readers.raw import Raw
 
 Read = Callable[[bytes, Path], "list[Raw]"]
+ReadHdf5 = Callable[[Any, Path], "list[Raw] | None"]
 
 
 class Way(NamedTuple):
@@ -53,6 +54,8 @@ class Format:
         suffixes: endings of its files, which are looked into in a folder.
         numbered: names of files that make one sequence with others, and who reads these.
         ways: how it is told by what is in it; none: another format's reader finds it.
+        hdf5: reader of an open HDF5 file, as h5py gives it; its answer is None where that is of
+            another format.
     """
 
     name: str
@@ -66,6 +69,7 @@ class Format:
     suffixes: tuple[str, ...] = ()
     numbered: tuple[re.Pattern[str], Callable[..., list[Raw]]] | None = None
     ways: tuple[Way, ...] = ()
+    hdf5: ReadHdf5 | None = None
 
 
 # read by `handtrack.video`

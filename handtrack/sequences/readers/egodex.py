@@ -19,7 +19,15 @@ import numpy as np
 from handtrack.errors import InputError, shown
 from handtrack.hand.skeleton import HANDS, JOINT_NAMES, N_JOINTS, Hand
 from handtrack.sequences.names import UNUSED, joint_name, settle, words
-from handtrack.sequences.readers.hdf5_file import dataset, member, names_in, numbers
+from handtrack.sequences.readers.catalogue import Format, Way
+from handtrack.sequences.readers.hdf5_file import (
+    HDF5_MAGIC,
+    dataset,
+    member,
+    names_in,
+    numbers,
+    read_hdf5,
+)
 from handtrack.sequences.readers.raw import Array, Raw, stem, usable_confidence
 
 FPS = 30.0
@@ -109,3 +117,20 @@ def _of_hand(group: Any, sure: Any, hand: Hand, joints: dict[int, str], path: Pa
         confidence=None if confidence is None else usable_confidence(confidence),
         tagged=True,
     )
+
+
+FORMATS = (
+    Format(
+        "EgoDex",
+        "`N.hdf5`: `transforms/NAME`, `confidences/NAME`, 30 frames a second; other arrays in HDF5"
+        " under the names of .npz",
+        "by name",
+        "m",
+        "both",
+        "file magic, `transforms`",
+        "extra `formats`",
+        ways=(Way("file", lambda head, path: head.startswith(HDF5_MAGIC), read_hdf5),),
+        suffixes=(".hdf5", ".h5"),
+        hdf5=read,
+    ),
+)

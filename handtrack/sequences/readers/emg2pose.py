@@ -84,5 +84,6 @@ FORMATS = (
         "one",
         "`emg2pose/timeseries`",
         "UmeTrack's `generic_hand_model.json` beside it (`--profile FILE`); extra `formats`",
+        hdf5=read,
     ),
 )

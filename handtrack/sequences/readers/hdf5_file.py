@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError, shown
 from handtrack.files import budget
-from handtrack.sequences.readers.catalogue import Format, Way
+from handtrack.sequences.readers.catalogue import formats
 from handtrack.sequences.readers.raw import NotJointsError, Raw
 
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -136,17 +136,18 @@ def numbers(data: Any, name: str, path: Path) -> NDArray[np.float64]:
 
 
 def read_hdf5(path: Path) -> list[Raw]:
-    """The sequences of an HDF5 file: EgoDex's, emg2pose's, or named arrays.
+    """The sequences of an HDF5 file: of a format that has readers of them, or named arrays.
 
     Raises:
         NotJointsError: nothing of a hand in it.
         InputError: damaged, or not as its format says.
     """
-    from handtrack.sequences.readers import egodex, emg2pose, hdf5_arrays
+    from handtrack.sequences.readers import hdf5_arrays
 
     with opened(path) as file:
-        for read in (egodex.read, emg2pose.read, hdf5_arrays.read):
-            found: list[Raw] | None = read(file, path)
+        known = [of.hdf5 for of in formats() if of.hdf5]
+        for read in (*known, hdf5_arrays.read):
+            found = read(file, path)
             if found is not None:
                 return found
         there = ", ".join(names_in(file, path)[:8]) or "nothing"
@@ -155,19 +156,3 @@ def read_hdf5(path: Path) -> list[Raw]:
         f" such as joints_m, found {shown(there)}",
         path,
     )
-
-
-FORMATS = (
-    Format(
-        "EgoDex",
-        "`N.hdf5`: `transforms/NAME`, `confidences/NAME`, 30 frames a second; other arrays in HDF5"
-        " under the names of .npz",
-        "by name",
-        "m",
-        "both",
-        "file magic, `transforms`",
-        "extra `formats`",
-        ways=(Way("file", lambda head, path: head.startswith(HDF5_MAGIC), read_hdf5),),
-        suffixes=(".hdf5", ".h5"),
-    ),
-)
