@@ -12,22 +12,17 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
-from rich.table import Table
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
@@ -48,10 +43,8 @@ from handtrack.tracking.tracker import Tracker
 from handtrack.viewer.rerun_log import log_rerun
 from tools.bench.noise_study import fitted, noisy_motion, noisy_poses, random_angles
 from tools.bench.peers import peers
+from tools.bench.timed import Array, Rows, each, machine, show
 from tools.make.mano_like import make_mano_like, write_pickle
-
-Array = NDArray[np.float64]
-Rows = list[dict[str, Any]]
 
 FIT_NOISE_MM = 2.0
 MOTION_NOISE_MM = (0.0, 2.0, 5.0, 10.0)
@@ -64,19 +57,6 @@ NOTHING_M2 = 1e-12
 PEERS = ("mink", "pymomentum")
 """Solvers of the extra `bench` (pymomentum: Python >= 3.12)."""
 OURS, SCIPY = "ours: BCD and Newton, compiled", "scipy trf, box for ellipses"
-
-# ---- clocks ----
-
-
-def each(work: Callable[..., Any], cases: list[tuple[Any, ...]], rounds: int) -> Array:
-    """The shortest time of work(*case) over several rounds, for every case [s]."""
-    times = np.empty((rounds, len(cases)))
-    for r in range(rounds):
-        for t, case in enumerate(cases):
-            start = time.perf_counter_ns()
-            work(*case)
-            times[r, t] = time.perf_counter_ns() - start
-    return np.asarray(1e-9 * times.min(0))
 
 
 def compiled(
@@ -329,33 +309,6 @@ def _memory_mb(field: str) -> float:
 # ---- reports ----
 
 PARTS = {"fit": fit_part, "motion": motion_part, "quality": quality_part, "tool": tool_part}
-
-
-def machine() -> dict[str, Any]:
-    """What it ran on."""
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text().splitlines() if info.exists() else []
-    cpu = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    packages = ("handtrack", "numpy", "scipy", "numba", "rerun-sdk", "mcap")
-    return {
-        "cpu": cpu[0] if cpu else platform.processor() or platform.machine(),
-        "cores": os.cpu_count(),
-        "load": round(os.getloadavg()[0], 2),
-        "versions": {"python": platform.python_version()} | {p: version(p) for p in packages},
-    }
-
-
-def show(console: Console, title: str, rows: Rows) -> None:
-    """Print rows as a table, its columns in the order in which they first appear."""
-    table = Table(title=title, title_justify="left")
-    columns = list(dict.fromkeys(key for row in rows for key in row))
-    for column in columns:
-        text = isinstance(rows[0].get(column), str)
-        table.add_column(column, justify="left" if text else "right")
-    for row in rows:
-        cells = [row.get(column, "") for column in columns]
-        table.add_row(*(f"{x:.5g}" if isinstance(x, float) else str(x) for x in cells))
-    console.print(table)
 
 
 def main(arguments: list[str] | None = None) -> None:

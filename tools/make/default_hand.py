@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.hand.skeleton import FINGERS, N_ANGLES, N_JOINTS, N_PARTS
+from tools.make.hand_fields import smoothstep
 from tools.make.hand_mesh import Mesh, build_mesh
 from tools.make.hand_nails import add_nails
-from tools.make.hand_shape import HandShape, smoothstep
+from tools.make.hand_shape import HandShape
 
 Array = NDArray[np.float64]
 

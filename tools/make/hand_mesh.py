@@ -13,7 +13,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from tools.make.hand_shape import HandShape, Tube
+from tools.make.hand_fields import Tube
+from tools.make.hand_shape import HandShape
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int_]

@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tools.make.hand_fields import Tube
 from tools.make.hand_mesh import Ints, Mesh
-from tools.make.hand_shape import HandShape, Tube
+from tools.make.hand_shape import HandShape
 
 Array = NDArray[np.float64]
 
