@@ -2,6 +2,11 @@
 
 Matrices are square with as many rows as a pose has unknowns unless said otherwise; only what a
 docstring names is written.
+
+Elimination stands three times, because one for every size is slower where it counts: `ldl4`, of
+which the compiler keeps a finger's in registers for all fingers at once, takes half the time of
+loops over any size (36 and 70 ns for eight); `arrowhead.factor_root` eliminates the gradient with
+its 6 x 6 (25 and 34 ns), and `factor` scales its rows on the way (1.3 and 1.6 us for 26 x 26).
 """
 
 from __future__ import annotations

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+import handtrack as ht
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import about_axis
 
@@ -49,3 +52,19 @@ def right(motion) -> np.ndarray:
 @pytest.fixture
 def left(motion) -> np.ndarray:
     return motion("left")
+
+
+@pytest.fixture
+def read(tmp_path: Path) -> Callable[..., Any]:
+    """read(content, name, **choices): the sequences of a file with this text, or these records."""
+
+    def of(content: Any, name: str = "", **choices: Any) -> Any:
+        if not isinstance(content, str | bytes):
+            name = name or "a.jsonl"
+            each = content if name.endswith("l") else [content]
+            content = "\n".join(map(json.dumps, each))
+        path = tmp_path / (name or "a.csv")
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return ht.load(path, **choices)
+
+    return of
