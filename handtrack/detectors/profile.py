@@ -14,8 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.detectors.correction import Correction
-from handtrack.detectors.corrections_file import read_correction, written_correction
-from handtrack.detectors.rows import DIGITS, as_number, as_object, as_rows, named
+from handtrack.detectors.profile_file import (
+    DIGITS,
+    as_number,
+    as_object,
+    as_rows,
+    named,
+    read_correction,
+    written_correction,
+)
 from handtrack.errors import InputError, SettingsError, shown
 from handtrack.files.texts import parse_json, read_json
 from handtrack.files.whole import whole_file
