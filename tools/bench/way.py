@@ -3,7 +3,7 @@
     python -m tools.bench.way [--filter kalman]
 
 For `Tracker.step` those of one warm step; for `handtrack track` those whose functions are called
-more often the longer the clip is, so that what is done once for a clip does not count.
+the more often the longer the clip is, so that what is done once for a clip does not count.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def of_track(*options: str, frames: int = 3000) -> Calls:
                 cli.main(told, standalone_mode=False)
             counted.append(found)
     short, long = counted
-    return Counter({name: long[name] - n for name, n in short.items() if long[name] > n})
+    return Counter({name: long[name] - n for name, n in short.items() if long[name] >= 1.5 * n})
 
 
 def files(of: Calls) -> dict[str, list[str]]:
