@@ -6,6 +6,7 @@ Titles are told by the words of `names`, which is where a source's names are add
 from __future__ import annotations
 
 import difflib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
@@ -205,6 +206,13 @@ def looks_meant(title: str) -> str | None:
 def looks_like_place(title: str) -> bool:
     """Whether a title is of no other quantity than a place."""
     return not set(words(title)) & (OTHER | BODY)
+
+
+def few(names: Iterable[str]) -> str:
+    """The first of some names, and how many more there are, for messages."""
+    given = [name[:40] for name in names]
+    more = f" and {len(given) - 3} more" if len(given) > 3 else ""
+    return ", ".join(given[:3]) + more
 
 
 def nearest(name: str) -> str:

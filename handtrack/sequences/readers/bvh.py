@@ -28,6 +28,7 @@ from handtrack.sequences.readers.jsontext import as_utf8
 from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, stem
 from handtrack.sequences.readers.table_cells import Table
 from handtrack.sequences.size import fitting_unit
+from handtrack.sequences.titles import few
 
 START = b"HIERARCHY"
 _FEWEST = 8
@@ -230,6 +231,23 @@ def _up(nodes: list[_Node], i: int) -> list[int]:
     return out
 
 
+def _check_names(nodes: list[_Node], joints: dict[int, int], path: Path) -> None:
+    """Refuse a hand below whose wrist most joints have names that are not understood."""
+    known, below = set(joints.values()), {joints.get(0, -1)}
+    others = []
+    for i, node in enumerate(nodes):  # a joint stands behind the one that holds it
+        if node.parent in below and node.parent >= 0:
+            below.add(i)
+            if node.name and joint_name(words(node.name.rpartition(":")[2])) is None:
+                others.append(node.name)
+    if len(others) >= len(known):
+        raise InputError(
+            f"most joints of the hand are not understood: {few(others)}; understood are"
+            f" {few(nodes[i].name or 'its end' for i in sorted(known))}",
+            path,
+        )
+
+
 def _hands(nodes: list[_Node], path: Path) -> dict[Hand | None, dict[int, int]]:
     """The node of each of our joints, by hand."""
     said: list[tuple[int, JointName]] = []
@@ -247,6 +265,7 @@ def _hands(nodes: list[_Node], path: Path) -> dict[Hand | None, dict[int, int]]:
                 joints.setdefault(joint, i)
         _add_tips(nodes, joints)
         if len(joints) >= _FEWEST:
+            _check_names(nodes, joints, path)
             found[hand] = joints
     if not found:
         known = ", ".join(shown(nodes[i].name, 30) for i, _ in said[:6]) or "none"

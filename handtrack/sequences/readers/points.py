@@ -22,7 +22,7 @@ from handtrack.errors import InputError
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS, ORDER_JOINTS
 from handtrack.sequences.names import CONFIDENCES, UNUSED, joint_name, settle, words
 from handtrack.sequences.readers.raw import Array
-from handtrack.sequences.titles import nearest
+from handtrack.sequences.titles import few, nearest
 
 COUNTS = frozenset(ORDER_JOINTS.values())
 _FLAT = {3 * n: n for n in COUNTS}
@@ -171,7 +171,8 @@ def _named(value: dict[str, Any], place: str, path: Path) -> Points:
         if joint is None:
             if name.lower() not in _META and _looks_placed(point):
                 raise InputError(
-                    f"{place}: joint {name[:40]!r} is unknown, the nearest name is {nearest(name)}",
+                    f"{place}: joint {name[:40]!r} is unknown, the nearest name is {nearest(name)};"
+                    f" understood are {few(plan.keys) or 'none'}",
                     path,
                 )
             continue

@@ -13,10 +13,11 @@ import numpy as np
 from handtrack.errors import InputError, shown
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.clock import Stamps
-from handtrack.sequences.names import UNUSED, joint_name, settle, words
+from handtrack.sequences.names import UNUSED, joint_name, settle, without_hand, words
 from handtrack.sequences.readers.fields import JOINT_COUNTS
 from handtrack.sequences.readers.raw import Array, Raw, stem
 from handtrack.sequences.readers.robot_messages import Poses, Transform, turn_of
+from handtrack.sequences.titles import few
 
 FEWEST = 4
 """Fewer joints are no hand."""
@@ -28,11 +29,12 @@ _STILL = (0.0, 0.0, 0.0, 1.0)
 
 @dataclass
 class Frames:
-    """Frames of TF over time."""
+    """Frames of TF over time; `others` are topics of single places that are no joints."""
 
     static: dict[str, Transform] = field(default_factory=dict)
     moments: dict[int, dict[str, Transform]] = field(default_factory=dict)
     logged: dict[int, int] = field(default_factory=dict)
+    others: list[str] = field(default_factory=list)
 
     def add(self, transforms: tuple[Transform, ...], log_time: int, static: bool) -> None:
         for transform in transforms:
@@ -46,9 +48,10 @@ class Frames:
     def take(self, topic: str, found: Items[Poses], logged: Items[int]) -> None:
         """The frames that a topic of single places stands for, where its name is a joint's."""
         name = _KIND.sub("", topic.strip("/"))
-        if joint_name(words(name)) is None:
-            return
         if any(m.markers or len(m.places) > 1 for m in found):
+            return
+        if joint_name(words(name)) is None:
+            self.others.append(name)
             return
         for message, log_time in zip(found, logged, strict=True):
             if len(message.places):
@@ -61,6 +64,7 @@ class Frames:
         names = {c for moment in self.moments.values() for c in moment}
         raws = []
         for hand, columns in _by_hand(sorted(names | set(self.static))).items():
+            self._check_names(hand, columns, path)
             times, rows = [], []
             latest: dict[str, Transform] = dict(self.static)
             for time, moment in together(self.moments, columns.keys()).items():
@@ -86,6 +90,21 @@ class Frames:
                 )
             )
         return raws
+
+    def _check_names(self, hand: Hand | None, columns: dict[str, int], path: Path) -> None:
+        """Refuse a hand of which most joints have names that are not understood."""
+        if hand is None:
+            return  # frames of anything may be there
+        names = {c for moment in self.moments.values() for c in moment}
+        alike = [*self.others, *sorted(names | set(self.static))]
+        others = [n for n in alike if n not in columns and without_hand(words(n))[0] == hand]
+        others = [n for n in others if joint_name(words(n)) is None]
+        if len(others) > len(columns):
+            raise InputError(
+                f"most joints of the {hand} hand are not understood: {few(others)}; understood are"
+                f" {few(columns)}",
+                path,
+            )
 
 
 def together(

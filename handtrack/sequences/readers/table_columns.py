@@ -14,6 +14,7 @@ from handtrack.sequences.readers.raw import METRES, NotJointsError, Unit
 from handtrack.sequences.titles import (
     Column,
     column,
+    few,
     is_confidence,
     is_frame_number,
     is_hand_label,
@@ -192,8 +193,8 @@ def _refuse_meant(
             return  # another kind of table
         known = [titles[c] for said in joints.values() for c, _ in said]
         raise InputError(
-            f"column {_few(others)} looks like a joint and is not understood, the nearest name is"
-            f" {nearest(title)}; understood are {_few(known) or 'none'}",
+            f"column {few(others)} looks like a joint and is not understood, the nearest name is"
+            f" {nearest(title)}; understood are {few(known) or 'none'}",
             path,
         )
 
@@ -215,12 +216,6 @@ def _refuse_triples(found: Columns, path: Path) -> None:
                 f" {N_JOINTS} joints are: is it {nearest(same[0])}?",
                 path,
             )
-
-
-def _few(names: Iterable[str]) -> str:
-    given = [name[:40] for name in names]
-    more = f" and {len(given) - 3} more" if len(given) > 3 else ""
-    return ", ".join(given[:3]) + more
 
 
 def _unit(said: list[Column], path: Path) -> Unit | None:
@@ -295,5 +290,5 @@ def _check_axes(places: HandColumns, unused: list[str], path: Path) -> None:
         for axis in range(2 if places.flat else 3):
             if (joint, axis) not in places.joints:
                 name = JOINT_NAMES[joint] if places.named else f"joint {joint}"
-                other = f"; not understood: {_few(unused)}" if unused else ""
+                other = f"; not understood: {few(unused)}" if unused else ""
                 raise InputError(f"no column for {name} {'xyz'[axis]}{other}", path)

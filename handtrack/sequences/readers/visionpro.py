@@ -22,6 +22,7 @@ from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import UNUSED, joint_name, settle, words
 from handtrack.sequences.readers.catalogue import Format
 from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, stem
+from handtrack.sequences.titles import few
 
 _JOINTS, _WRIST = ("fingers", "arm"), "wrist"
 _MATRIX = 16
@@ -70,6 +71,14 @@ def _in_world(value: dict[str, Any], place: str, path: Path) -> Array:
     out[0] = wrist[:3, 3]
     names = [name for name in value if name != _WRIST and value[name] is not None]
     said = [(name, s) for name in names if (s := joint_name(words(name))) is not None]
+    known = {name for name, _ in said}
+    others = [name for name in names if name not in known]
+    if len(others) > len(known):
+        raise InputError(
+            f"{place}: most joints are not understood: {few(others)}; understood are"
+            f" {few(known) or 'none'}",
+            path,
+        )
     for (name, _), joint in zip(said, settle(s for _, s in said), strict=True):
         if joint is None or joint in (UNUSED, 0):
             continue
