@@ -197,7 +197,7 @@ def worlds_only(titles: list[str]) -> list[str]:
     return ["" if c in gone else t for c, t in enumerate(titles)]
 
 
-_P_AXIS = re.compile(r"(?i)(?<![a-z])p(?:os)?[_ .]?([xyz])$|(?<=[a-z])P([XYZ])$")
+_P_AXIS = re.compile(r"(?<![A-Za-z])[pP]([xyzXYZ])$|(?<=[a-z])P([XYZ])$")
 
 
 def plain_axes(titles: list[str]) -> list[str]:
