@@ -117,7 +117,7 @@ def _shake_findings(
         usual = float(median(values[name], 0))
         numbers[f"shake_{name}"] = usual
         if usual > most:
-            text = f"{kind} by {usual:.2g} {unit} about parabolas (median); {most:g} is let pass"
+            text = f"{kind} by {usual:.3g} {unit} about parabolas (median); {most:g} is let pass"
             yield Finding(kind, text, _frames(s, values[name] > most), usual / most)
 
 

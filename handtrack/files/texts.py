@@ -11,6 +11,7 @@ from handtrack.errors import InputError, shown
 from handtrack.files import budget
 
 _LINE = 10_000
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 _WRONG = (ValueError, RecursionError)
 
 
@@ -24,8 +25,9 @@ def read_text(path: Path, wrong: str) -> str:
     Raises:
         InputError: it is not there, is larger than `budget.TEXT`, or no text in UTF-8.
     """
+    data = budget.read(path, budget.TEXT)
     try:
-        return budget.read(path, budget.TEXT).decode("utf-8-sig")
+        return data.decode("utf-16" if data[:2] in _UTF_16 else "utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{wrong}: not UTF-8 text (byte {error.start})", path) from None
 

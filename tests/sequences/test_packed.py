@@ -89,3 +89,16 @@ def test_the_only_array_of_an_npz_may_have_any_name(tmp_path):
     np.savez(tmp_path / "b.npz", mine=np.zeros((9, 778, 3)))
     with pytest.raises(InputError, match="no joints in it"):
         ht.load(tmp_path / "b.npz")
+
+
+@pytest.mark.parametrize(("kind", "companion"), [("hot3d", 1), ("trc markers", 1), ("panoptic", 0)])
+def test_companions_in_utf_16(tmp_path, kind, companion):
+    made = kinds()[kind]
+    files = made.make(motion())
+    for name, data in files.items():
+        (tmp_path / name).write_bytes(data)
+    before = made.read(tmp_path / made.target)
+    name = list(files)[companion]
+    (tmp_path / name).write_bytes(files[name].decode().encode("utf-16"))
+    for a, b in zip(before, made.read(tmp_path / made.target), strict=True):
+        np.testing.assert_array_equal(a.joints, b.joints)

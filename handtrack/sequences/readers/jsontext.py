@@ -38,7 +38,7 @@ def decode(data: bytes, kind: Any, path: str | Path, first_line: int = 1) -> Any
     """Decode JSON text as `kind`; NaN reads as null, and where any kind will do so do "" and "NaN".
 
     Args:
-        data: UTF-8 text, with or without a byte order mark.
+        data: UTF-8 text, with or without a byte order mark; or UTF-16 with one.
         kind: a type for msgspec; unknown fields are skipped unparsed.
         path: named in errors.
         first_line: the number of the text's first line, for lines of a longer file.
@@ -47,7 +47,7 @@ def decode(data: bytes, kind: Any, path: str | Path, first_line: int = 1) -> Any
         InputError: malformed (with line and byte), cut short, or not of that type (with the
             field's name).
     """
-    data = data.removeprefix(b"\xef\xbb\xbf")
+    data = as_utf8(data).removeprefix(b"\xef\xbb\xbf")
     data = without_nan(data)
     if kind is Any or kind == list[Any]:  # fields of a known type may be texts, and empty
         data = texts_as_null(data)
