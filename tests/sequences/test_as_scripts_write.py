@@ -157,3 +157,38 @@ def test_what_is_cut_short_says_what_to_do(tmp_path, right):
     (tmp_path / "a.json").write_text("[" + ",\n".join(lines) + ",\n]")
     with pytest.raises(InputError, match="leave that comma out"):
         ht.load(tmp_path / "a.json")
+
+
+def picture(right):
+    """MediaPipe's landmarks in a picture: shares of it, depths from the wrist."""
+    flat = 0.3 + 1.5 * right
+    flat[..., 2] = 1.5 * (right[..., 2] - right[:, :1, 2])
+    flat[:, 0, 2] = 1e-7 * np.arange(len(right))
+    return flat
+
+
+IN_A_PICTURE = {
+    "a.npy": lambda path, x: np.save(path, x),
+    "b.npy": lambda path, x: np.save(path, x.reshape(len(x), 63)),
+    "c.npy": lambda path, x: np.save(
+        path, np.concatenate([x.reshape(len(x), 63), 0 * x[:, :1, 0] + 3], 1)
+    ),
+    "a.npz": lambda path, x: np.savez(path, landmarks=x),
+    "b.npz": lambda path, x: np.savez(path, mine=x),
+    "a.json": lambda path, x: path.write_text(json.dumps(x.tolist())),
+    "b.json": lambda path, x: path.write_text(json.dumps({"data": x.reshape(len(x), 63).tolist()})),
+    "c.json": lambda path, x: path.write_text(json.dumps({"hand": "left", "samples": x.tolist()})),
+    "a.txt": lambda path, x: np.savetxt(path, x.reshape(len(x), 63)),
+    "b.txt": lambda path, x: path.write_text(PRINTED["landmarks"](x)),
+    "a.csv": lambda path, x: table(path, [[*row, 4] for row in numbers(x)]),
+    "b.csv": lambda path, x: table(path, [[t, *row] for t, row in enumerate(numbers(x))]),
+    "c.csv": lambda path, x: table(path, x.reshape(-1, 3).tolist(), ["x", "y", "z"]),
+    "a.pkl": lambda path, x: path.write_bytes(pickle.dumps([*x])),
+}
+
+
+@pytest.mark.parametrize("name", IN_A_PICTURE)
+def test_landmarks_in_a_picture_are_not_read_as_metres(tmp_path, right, name):
+    IN_A_PICTURE[name](tmp_path / name, picture(right))
+    with pytest.raises(InputError, match=r"world landmarks.*--camera LENS.*--fov"):
+        ht.load(tmp_path / name)

@@ -48,8 +48,11 @@ def read_bare(table: Table, path: Path) -> list[Raw]:
     confidence = frames[..., 3] if per_joint == 4 else None
     raw = Raw(frames[..., :3], path, stem(path), confidence=confidence)
     if labelled:
-        return [replace(raw, notes=(LABELLED,))]
+        return two_hands(replace(raw, notes=(LABELLED,)))
     if n in COUNTS:
+        (pictured,) = two_hands(raw)
+        if pictured.picture:
+            return [_with_count(pictured, first, table, path)]
         return [_one_hand(raw, first, table, path)]
     return two_hands(_with_count(raw, first, table, path))
 

@@ -14,6 +14,7 @@ from handtrack.errors import InputError
 from handtrack.hand.skeleton import HANDS, Hand
 from handtrack.sequences.names import as_side
 from handtrack.sequences.readers.fields import PAIRS, joint_columns, names_joints
+from handtrack.sequences.readers.pictures import seen_in_picture
 from handtrack.sequences.readers.raw import Raw
 from handtrack.sequences.titles import is_hand_label, of_side, side_key
 
@@ -87,7 +88,15 @@ def _has_rows(value: Any, n: int) -> bool:
 
 
 def two_hands(raw: Raw) -> list[Raw]:
-    """One hand, or two that stand one behind the other in each frame."""
+    """One hand, or two that stand one behind the other in each frame; of places in a picture
+    marked so, unless the source calls them MediaPipe's of the world."""
+    return [
+        part if part.detector or part.shown is not None else seen_in_picture(part)
+        for part in _apart(raw)
+    ]
+
+
+def _apart(raw: Raw) -> list[Raw]:
     n = raw.joints.shape[1]
     if n not in PAIRS:
         return [raw]

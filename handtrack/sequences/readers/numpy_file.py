@@ -36,7 +36,7 @@ def read_npy(data: bytes, path: Path) -> list[Raw]:
         return whole
     if array.ndim == 2 and array.shape[1] == 64 and array.dtype.kind in "fiu":
         raws = [Raw(as_frames(a, path, "the array"), path, stem(path)) for a in _labelled(array)]
-        return [replace(raw, notes=(LABELLED,)) for raw in raws]
+        return [replace(part, notes=(LABELLED,)) for raw in raws for part in two_hands(raw)]
     return flat_too(
         lambda a: two_hands(Raw(as_frames(a, path, "the array"), path, stem(path))), array
     )
