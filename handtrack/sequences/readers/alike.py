@@ -39,7 +39,7 @@ _MOST_NUMBERS = 4000
 _BLANK = -1
 _FIXED = -2
 
-Records = Callable[[list[Any], Items[str]], list[HandRecords]]
+Prepare = Callable[[Items[Any], Items[str], Path], list[Any]]
 
 
 @dataclass
@@ -74,6 +74,7 @@ def read_alike(
     places: Items[str],
     path: Path,
     about: dict[str, Any] | None = None,
+    prepared: Prepare | None = None,
 ) -> list[Raw] | None:
     """The sequences of records, one per hand, as `read_records` makes them.
 
@@ -82,6 +83,7 @@ def read_alike(
         places: where each stands.
         path: the file.
         about: what the file says of all of them.
+        prepared: makes records that `read_records` takes of what a source has.
 
     Returns:
         None where the records must be decoded one by one, also to say what is wrong in them.
@@ -89,7 +91,8 @@ def read_alike(
     if sum(len(form.spans) for form in forms.forms) > _MOST_NUMBERS:
         return None
     try:
-        hands = _same([_reading(forms, places, path, about, way) for way in (0, 1)])
+        readings = [_reading(forms, places, path, about, way, False, prepared) for way in (0, 1)]
+        hands = _same(readings)
         raws = [_whole(hand, forms, places, path) for hand in hands]
     except (InputError, NotAlikeError, OverflowError):
         return None
@@ -113,6 +116,7 @@ def _reading(
     about: dict[str, Any] | None,
     way: int,
     beside: bool = False,
+    prepared: Prepare | None = None,
 ) -> list[_Hand]:
     """What is made of the first records with other numbers in them; `beside`: of what stands
     beside the joints in the world."""
@@ -126,7 +130,10 @@ def _reading(
     if beside:
         values = without_world(values)
     numbered = any(is_frame_number(str(k)) for v in values if isinstance(v, dict) for k in v)
-    found = records_by_hand(values, Picked(places, forms.firsts), path, about)
+    where = Picked(places, forms.firsts)
+    if prepared is not None:
+        values = prepared(values, where, path)
+    found = records_by_hand(values, where, path, about)
     hands = []
     for hand in found:
         raw = hand.raw

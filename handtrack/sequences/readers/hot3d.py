@@ -125,6 +125,14 @@ def _with_values(raw: Raw, rows: list[Any], places: Items[str], path: Path) -> R
     values = np.full((n, width), np.nan)
     betas = np.zeros((n, 10))
     sure = np.ones(n)
+    at = np.flatnonzero([row is not None for row in rows])
+    given = [rows[i] for i in at.tolist()]
+    together = None if mano else _together(given, width)
+    if together is not None:
+        turn[at], move[at], values[at] = together
+        said = [row.get("hand_confidence") for row in given]
+        sure[at] = [s if isinstance(s, int | float) else 1.0 for s in said]
+        rows = []
     for t, row in enumerate(rows):
         if row is None:
             continue
@@ -166,6 +174,23 @@ def _is_blank(row: dict[str, Any], wanted: Items[str]) -> bool:
     inner = [v for value in said if isinstance(value, dict) for v in value.values()]
     lists = [v for v in (*said, *inner) if isinstance(v, list)]
     return None in (*said, *inner) or any(None in v for v in lists)
+
+
+def _together(rows: list[Any], width: int) -> tuple[Array, Array, Array] | None:
+    """The wrists' turns and places and the angles of all frames; None where one has others."""
+    try:
+        wrists = [row["wrist_xform"] for row in rows]
+        turn = np.array([w["q_wxyz"] for w in wrists], dtype=np.float64)
+        move = np.array([w["t_xyz"] for w in wrists], dtype=np.float64)
+        values = np.array([row["joint_angles"] for row in rows], dtype=np.float64)
+    except (ValueError, TypeError, OverflowError, KeyError):
+        return None
+    out = []
+    for array, n in ((turn, 4), (move, 3), (values, width)):
+        if array.ndim != 2 or array.shape[1] < n or not (np.abs(array[:, :n]) < _LARGEST).all():
+            return None
+        out.append(array[:, :n])
+    return out[0], out[1], out[2]
 
 
 def _numbers(given: Any, n: int, where: str, path: Path) -> Array:

@@ -40,7 +40,7 @@ from handtrack.sequences.readers.fields import as_frames, from_fields
 from handtrack.sequences.readers.flat_json import with_depth
 from handtrack.sequences.readers.found import CONTAINERS, MOST_HANDS, MOST_NAMES, hands_in
 from handtrack.sequences.readers.json_table import table_of
-from handtrack.sequences.readers.jsontext import blanks_as_null, decode, is_blank
+from handtrack.sequences.readers.jsontext import blanks_as_null, decode, is_blank, refuse_nothing
 from handtrack.sequences.readers.number_text import Forms
 from handtrack.sequences.readers.pictures import flat
 from handtrack.sequences.readers.points import are_points, has_names
@@ -54,8 +54,6 @@ _NUMBER = re.compile(r"(?i)((?:frame|f|image|img|t)?[_ ]?)(\d{1,12})")
 
 
 _LARGE = 1_000_000
-_OF_NOTHING = b" \t\r\nnul{}[],"
-"""What lines of null, {} and [] are made of: whatever says something needs more."""
 
 
 def read_any(data: bytes, path: Path) -> list[Raw]:
@@ -82,10 +80,10 @@ def read_lines(data: bytes, path: Path) -> list[Raw]:
         NotJointsError: no joints in any line.
         InputError: a line that is not JSON or not a frame (with its number).
     """
-    _refuse_nothing(data, path)
+    refuse_nothing(data, path)
     lines = [(n, line) for n, line in enumerate(data.split(b"\n"), 1) if line.strip()]
     places = Places("line", [n for n, _ in lines])
-    if len(lines) >= FEWEST:
+    if len(lines) >= FEWEST and not _is_of_its_own(lines[0][1]):
         forms = forms_of(b"[" + b",".join(line for _, line in lines) + b"]")
         quick = None if forms is None or len(forms) != len(lines) else alike(forms, places, path)
         if quick is not None:
@@ -101,6 +99,18 @@ def read_lines(data: bytes, path: Path) -> list[Raw]:
     if table is not None:
         return text_table.read_table(table, path)
     return flat_too(lambda v: _of_source(v, places, path) or read_records(v, places, path), values)
+
+
+_OF_THEIR_OWN = (hot3d, rosbridge, visionpro)
+
+
+def _is_of_its_own(line: bytes) -> bool:
+    """Whether a line is of a source whose frames are no records of joints."""
+    try:
+        first = msgspec.json.decode(line)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return False
+    return isinstance(first, dict) and any(of.is_frame(first) for of in _OF_THEIR_OWN)
 
 
 def _of_source(values: list[Any], places: Items[str], path: Path) -> list[Raw] | None:
@@ -126,8 +136,11 @@ def alike(
     if not all(v is None or isinstance(v, dict) for v in first) or table_of(first[:1] * FEWEST):
         return None
     some: dict[str, Any] = next((v for v in first if v), {})
-    if any(of.is_frame(some) for of in (hot3d, rosbridge, visionpro)) or ultraleap.any_in(first):
+    if any(of.is_frame(some) for of in _OF_THEIR_OWN):
         return None
+    if ultraleap.any_in(first):
+        found = read_alike(forms, places, path, about, ultraleap.as_records)
+        return None if found is None else ultraleap.with_unit(found)
     if keypoints_2d.read_other(first, path) is not None:
         return None
     return read_alike(forms, places, path, about)
@@ -163,7 +176,7 @@ def read_json(data: bytes, path: Path) -> list[Raw]:
         InputError: malformed, or a field that does not fit.
     """
     if len(data) > _LARGE:
-        _refuse_nothing(data, path)
+        refuse_nothing(data, path)
         quick = _list_of_alike(data, path)
         if quick is not None:
             return quick
@@ -189,13 +202,6 @@ def flat_too(read: Callable[[Any], list[Raw]], value: Any) -> list[Raw]:
         if any(np.nan_to_num(raw.joints[..., 2]).any() for raw in found):
             raise
         return [flat(raw) for raw in found]
-
-
-def _refuse_nothing(data: bytes, path: Path) -> None:
-    """Told from the bytes: millions of empty frames take seconds to decode."""
-    closed = data.count(b"[") == data.count(b"]")
-    if closed and not data.translate(None, _OF_NOTHING):
-        raise NotJointsError("every frame is missing", path)
 
 
 def from_value(value: Any, path: Path) -> list[Raw]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import ORDER_JOINTS
-from handtrack.sequences.readers.raw import Array
+from handtrack.sequences.readers.raw import Array, NotJointsError
 
 _BYTE = re.compile(r" \(byte (\d+)\)$")
 # Python's json module writes NaN, which JSON does not have
@@ -308,3 +308,19 @@ def _is_point(value: Any) -> bool:
         return False
     inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
     return all(v is None or isinstance(v, int | float | str) for v in inner)
+
+
+_OF_NOTHING = b" \t\r\nnul{}[],"
+"""What lines of null, {} and [] are made of: whatever says something needs more."""
+
+
+def refuse_nothing(data: bytes, path: Path) -> None:
+    """Refuse text in which nothing is said, told from the bytes: millions of empty frames take
+    seconds to decode.
+
+    Raises:
+        NotJointsError: it is such.
+    """
+    closed = data.count(b"[") == data.count(b"]")
+    if closed and not data.translate(None, _OF_NOTHING):
+        raise NotJointsError("every frame is missing", path)

@@ -126,6 +126,7 @@ def spread(
     return out, named
 
 
+_BRACKET = frozenset(" ()[]{}")
 _NO_NUMBERS = str.maketrans("", "", "0123456789+-.eE")
 _LITERAL_BLANKS = re.compile(r"(?:\\ |\s)+")
 _PLAIN = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
@@ -136,13 +137,15 @@ def _alike(
 ) -> list[str] | None:
     """The rows where all places are written as the first one is, which is fast; None where not."""
     cells = split(lines[0])
+    quick = _alike_letters(lines, cells, widths)
+    if quick is not None:
+        return quick
     templates = {_template(cells[c], width) for c, width in widths.items() if c < len(cells)}
     template = templates.pop() if len(templates) == 1 else None
     if template is None or len(set(widths.values())) > 1:
         return None
     width = next(iter(widths.values()))
-    marks = [mark for mark in (SEPARATOR, ";", "\t", ",", "|") if mark in lines[0]]
-    mark = next((m for m in marks if len(lines[0].split(m)) == len(cells)), None)
+    mark = _mark_of(lines[0], cells)
     if mark is None:
         return None
     groups = SEPARATOR.join(rf"\{i + 1}" for i in range(width))
@@ -174,11 +177,7 @@ def _literally(lines: list[str], mark: str, places: list[str], first: str) -> li
     if any(parts != around[0] for parts in around):
         return None
     before, *between, after = around[0]
-    text = "\n".join(("", *lines, ""))
-    stop = between[0].strip()
-    if len(stop) == 1 and len({*between}) == 1 and {*before, *after} <= {*" ()[]{}"}:
-        return _by_letters(text, lines, mark, (before, between[0], after), first)
-    text = _squeezed(text)
+    text = _squeezed("\n".join(("", *lines, "")))
     text = text.replace(f"{after}{mark}{before}", mark)
     for part in dict.fromkeys(between):
         text = text.replace(part, SEPARATOR)
@@ -195,21 +194,42 @@ def _literally(lines: list[str], mark: str, places: list[str], first: str) -> li
     return None if empty else rows
 
 
-def _by_letters(
-    text: str, lines: list[str], mark: str, around: tuple[str, str, str], first: str
-) -> list[str] | None:
-    """The same where brackets can be blanks, and one letter stands between coordinates."""
-    before, between, after = around
+def _mark_of(line: str, cells: list[str]) -> str | None:
+    """What separates a line's cells."""
+    marks = [mark for mark in (SEPARATOR, ";", "\t", ",", "|") if mark in line]
+    return next((m for m in marks if len(line.split(m)) == len(cells)), None)
+
+
+def _alike_letters(lines: list[str], cells: list[str], widths: dict[int, int]) -> list[str] | None:
+    """The rows where brackets can be blanks, and one letter stands between coordinates: all lines
+    have the first one's letters but for numbers. None where it is otherwise."""
+    mark = _mark_of(lines[0], cells)
+    if mark is None or max(widths) >= len(cells):
+        return None
+    around = {c: _around(cells[c], _numbers(cells[c])) for c in widths}
+    between = {part for of in around.values() for part in of[1:-1]}
+    ends = {part for of in around.values() for part in (of[0], of[-1])}
+    stops = {letter for part in between for letter in part} - _BRACKET
+    if len(stops) != 1 or any(len({*part} & stops) != 1 for part in between) or mark in stops:
+        return None
+    if any(part.count(stop) != 1 for part in between for stop in stops):
+        return None
+    if any({*part} - _BRACKET for part in ends):
+        return None
     form = lines[0].translate(_NO_NUMBERS)
     if any(line.translate(_NO_NUMBERS) != form for line in lines):
         return None
-    if any(a + b in text for a in (before, between) for b in (between, after)):
+    text = "\n".join(lines)
+    begins = {of[0] for of in around.values()} | between
+    if any(a + b in text for a in begins - {""} for b in ends - {""} | between):
         return None  # a coordinate is empty
-    blanks, stops = before + after, mark + between.strip()
-    letters = str.maketrans(blanks + stops, " " * len(blanks) + SEPARATOR * len(stops))
-    rows = text[1:-1].translate(letters).split("\n")
-    as_first = SEPARATOR.join(cell.strip() for cell in rows[0].split(SEPARATOR))
-    return rows if as_first == first else None
+    (stop,) = stops
+    letters = str.maketrans(dict.fromkeys(_BRACKET, " ") | {mark: SEPARATOR, stop: SEPARATOR})
+    rows = text.translate(letters).split("\n")
+    wanted = [
+        n for c, cell in enumerate(cells) for n in (_numbers(cell) if c in widths else [cell])
+    ]
+    return rows if [cell.strip() for cell in rows[0].split(SEPARATOR)] == wanted else None
 
 
 def _squeezed(text: str) -> str:

@@ -48,7 +48,24 @@ def read_frames(
     Raises:
         InputError: a bone that is none.
     """
-    frames = []
+    raws = read_records(as_records(values, places, path), places, path, about)
+    return with_unit(raws)
+
+
+def with_unit(raws: list[Raw]) -> list[Raw]:
+    """The same in the unit that makes a hand."""
+    for raw in raws:
+        raw.unit = raw.unit or fitting_unit(raw.joints) or "mm"
+    return raws
+
+
+def as_records(values: Items[Any], places: Items[str], path: Path) -> list[Any]:
+    """Its frames as other JSON has them, hands of 21 joints.
+
+    Raises:
+        InputError: a bone that is none.
+    """
+    frames: list[Any] = []
     for i, value in enumerate(values):
         hands = _hands(value)
         rest = {k: v for k, v in value.items() if k.lower() != "hands"} if hands else {}
@@ -56,10 +73,7 @@ def read_frames(
             rest = {k: v for k, v in value.items() if k.lower() != "hands"}
         own = [_hand(h, f"{places[i]}: a hand", path) for h in hands]
         frames.append({**rest, "hands": own})
-    raws = read_records(frames, places, path, about)
-    for raw in raws:
-        raw.unit = raw.unit or fitting_unit(raw.joints) or "mm"
-    return raws
+    return frames
 
 
 def _hands(value: Any) -> list[Any]:

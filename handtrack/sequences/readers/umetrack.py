@@ -69,19 +69,22 @@ class Profile:
     def _landmarks(self, angles: Array) -> Array:
         n = len(angles)
         turns = about_axis(np.broadcast_to(self.axes, (n, N_HINGES, 3)), angles)
-        moves = self.places - np.einsum("tjab,jb->tja", turns, self.places)
+        moves = self.places - (turns @ self.places[:, :, None])[..., 0]
         rotation = np.broadcast_to(np.eye(3), (n, N_FRAMES, 3, 3)).copy()
         shift = np.zeros((n, N_FRAMES, 3))
         for finger in range(N_HINGES // _PER_FINGER):
             first = finger * _PER_FINGER
             r, s = turns[:, first], moves[:, first]
             for k in range(1, _PER_FINGER):
-                s = s + np.einsum("tab,tb->ta", r, moves[:, first + k])
+                s = s + (r @ moves[:, first + k, :, None])[..., 0]
                 r = r @ turns[:, first + k]
                 frame = 2 + 3 * finger + k - 1
                 rotation[:, frame], shift[:, frame] = r, s
-        turned = np.einsum("tfab,mb->tmfa", rotation, self.landmarks) + shift[:, None]
-        return np.asarray(np.einsum("mf,tmfa->tma", self.weights, turned))
+        out = np.zeros((n, N_LANDMARKS, 3))
+        for mark, frame in np.argwhere(self.weights):  # one or two frames move a landmark
+            moved = rotation[:, frame] @ self.landmarks[mark] + shift[:, frame]
+            out[:, mark] += self.weights[mark, frame] * moved
+        return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +121,7 @@ class Angles:
         if raw.hand == "right":
             joints = joints * np.array([-1.0, 1.0, 1.0])
         if self.rotation is not None and self.translation is not None:
-            joints = np.einsum("tab,tjb->tja", self.rotation, joints)
-            joints += self.translation[:, None]
+            joints = joints @ self.rotation.transpose(0, 2, 1) + self.translation[:, None]
         joints[~np.isfinite(self.values).all(1)] = np.nan
         return [replace(raw, joints=joints, unit="m", order="handtrack", pending=None)]
 
