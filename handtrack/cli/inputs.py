@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Reading(NamedTuple):
-    """How to read joint sequences: the values of `reading_options`."""
+    """How to read joint sequences: the values of `reading_options`, and the size of pictures."""
 
     hand: str = "auto"
     unit: str | None = None

@@ -25,6 +25,9 @@ from handtrack.video.media import pictures
 Array = NDArray[np.float64]
 
 
+SIZES_DIFFER = "its pictures are of several sizes, so of several lenses: its joints alone are used"
+
+
 @dataclass(frozen=True, eq=False)
 class Detections:
     """Both hands of one person in the T frames of one source.
@@ -41,6 +44,7 @@ class Detections:
         detector: whose landmarks these are, "mediapipe", or "" of a detector that is not known.
         sure: hand -> (T, 21) 0..1 of each joint in the picture; None: as `score` says.
         name: short name; "": by the source.
+        one_size: whether all pictures are of that size, so that one lens may have taken them.
     """
 
     source: str
@@ -55,6 +59,7 @@ class Detections:
     detector: str = "mediapipe"
     sure: dict[Hand, Array] | None = None
     name: str = ""
+    one_size: bool = True
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -82,7 +87,8 @@ class Detections:
                 name=f"{name} {hand}" if len(found) > 1 else name,
                 source=self.source,
                 detector=self.detector,
-                picture=self.picture(hand),
+                picture=self.picture(hand) if self.one_size else None,
+                notes=() if self.one_size else (SIZES_DIFFER,),
             )
             for hand in found
             if np.isfinite(self.world[hand]).all((1, 2)).any()
@@ -111,6 +117,7 @@ class Detections:
             "size_px": self.size,
             "source": self.source,
             **({"detector": self.detector} if self.detector else {}),
+            **({} if self.one_size else {"one_size": False}),
         }
         for hand in self.hands:
             arrays[f"{hand}_joints_m"] = self.world[hand].astype(np.float32)
@@ -159,15 +166,14 @@ def detect(
     rows: list[list[tuple[int, Detection]]] = []
     times: list[int] = []
     index: list[int] = []
-    size = (0, 0)
+    sizes: list[tuple[int, int]] = []
     try:
         for picture in chain(first, shown):
             if frames is not None and picture.index < frames[0]:
                 continue
             if frames is not None and picture.index > frames[1]:
                 break
-            if not rows:
-                size = (picture.rgb.shape[1], picture.rgb.shape[0])
+            sizes.append((picture.rgb.shape[1], picture.rgb.shape[0]))
             rows.append(tracks.add(detector.detect(picture.rgb, picture.time_ns)))
             times.append(picture.time_ns)
             index.append(picture.index)
@@ -181,8 +187,9 @@ def detect(
         raise InputError(f"no picture{where}", source)
     if not any(rows):
         raise NoHandError(f"{source}: no hand was found in {len(rows)} frames")
-    found = _gathered(source, size, times, index, [tracks.named(row) for row in rows])
-    return replace(found, fps=fps, still=still, detector=name)
+    found = _gathered(source, sizes[0], times, index, [tracks.named(row) for row in rows])
+    one_size = len(set(sizes)) == 1
+    return replace(found, fps=fps, still=still, detector=name, one_size=one_size)
 
 
 def labelled(found: Detections, choice: HandChoice = "auto") -> list[Sequence]:

@@ -150,3 +150,35 @@ def test_the_hand_is_drawn_where_its_picture_shows_it():
     off = np.linalg.norm(shown - found.image["right"], axis=-1)
     assert np.median(off) < 4
     np.testing.assert_array_equal(placed.image, found.image["right"])
+
+
+def test_pictures_of_several_sizes_are_not_of_one_lens(tmp_path):
+    found = replace(made(20)[3], one_size=False)
+    (sequence,) = found.sequences()
+    assert sequence.picture is None
+    assert "of several sizes" in sequence.notes[0]
+    found.save(tmp_path / "seen.npz")
+    assert ht.load(tmp_path / "seen.npz")[0].picture is None
+
+
+def test_both_hands_of_a_video_stand_where_they_are_seen():
+    """And an exchanged label draws no hand over the other."""
+    hands = {h: made(20, hand=h) for h in ("left", "right")}
+    image = {
+        "left": hands["left"][3].image["left"] - [300, 0],
+        "right": hands["right"][3].image["right"] + [300, 0],
+    }
+    both = replace(
+        hands["left"][3],
+        image=image,
+        world={h: hands[h][3].world[h] for h in hands},
+        score={h: np.ones(20) for h in hands},
+    )
+    places = {}
+    for sequence in both.sequences():
+        track = ht.track(sequence)
+        places[track.hand] = np.median(track.fitted_joints[:, 0, 0])
+        np.testing.assert_array_equal(Seen.alone(both).place(track).image, image[track.hand])
+        swapped = replace(both, image={"left": image["right"], "right": image["left"]})
+        np.testing.assert_array_equal(Seen.alone(swapped).place(track).image, image[track.hand])
+    assert places["right"] - places["left"] > 0.15

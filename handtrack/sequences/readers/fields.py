@@ -133,6 +133,8 @@ def shown_by(fields: Mapping[str, Any], key: str, joints: Array, path: Path) -> 
         InputError: what `detect` writes of the pictures has another shape, or is no size.
     """
     ours = fields.get("image_px")
+    if fields.get("one_size", True) is False:  # pictures of several lenses
+        return None
     if ours is not None:
         if np.shape(ours) != (len(joints), N_JOINTS, 2):
             expected = (len(joints), N_JOINTS, 2)
