@@ -95,6 +95,7 @@ class Copy:
             "PYTHONPATH": f"{self._folder}{os.pathsep}{HERE}",
             "OPENBLAS_NUM_THREADS": "1",
             "QUICK_TESTS": str(told),
+            "COLUMNS": "400",  # why a test failed is not cut off
         }
         command = [sys.executable, "-m", "pytest", "-q", "-n0", "--tb=no"]
         command += ["-p", "no:cacheprovider", "-p", "tools.bench.quick_tests"]
@@ -145,7 +146,10 @@ class Copy:
         if status in (0, 5):
             return ""
         failed = [line for line in said.splitlines() if line.startswith(("FAILED", "ERROR"))]
-        return failed[0].split(" - ")[0] if failed else f"the tests end with {status}"
+        if not failed:
+            return f"the tests end with {status}"
+        name, _, why = failed[0].partition(" - ")
+        return f"{name}, which took too long" if "TooLong" in why else name
 
 
 def ways(path: str) -> tuple[str, ...]:
