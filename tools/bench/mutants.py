@@ -64,11 +64,11 @@ class Limits:
     """Processor seconds.
 
     Attributes:
-        test: for one test; one that takes more has noticed something.
+        test: for one test; one that takes more has noticed something: time to compile is in it.
         budget: for the tests of a fault in one way of running: none is begun after it.
     """
 
-    test: float = 20.0
+    test: float = 90.0
     budget: float = 60.0
 
     @property
