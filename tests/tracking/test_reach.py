@@ -6,12 +6,15 @@ import dataclasses
 
 import numpy as np
 import pytest
+from filter_cases import MODEL, steady
 
 import handtrack as ht
 from handtrack.errors import InputError, SettingsError
 from handtrack.sequences.sequence import Remark
 from handtrack.tracking import events
-from handtrack.tracking.kalman import _within_reach
+from handtrack.tracking.filters import make_filter
+from handtrack.tracking.kalman import DriftingFilter, KalmanFilter, _within_reach
+from handtrack.tracking.reference import FilterPyFilter
 from handtrack.tracking.settings import TrackerSettings
 
 
@@ -85,3 +88,20 @@ def test_a_model_of_the_other_hand_is_refused(model, shown, sample):
         InputError, match=f"the model is a {model} hand, the sequence a {shown} one"
     ):
         ht.track(sequence, ht.HandModel.default(model), calibrate=False, filter="none")
+
+
+@pytest.mark.parametrize(
+    ("colour", "engine", "kind"),
+    [
+        ("auto", "compiled", DriftingFilter),
+        (0.2, "compiled", DriftingFilter),
+        ("white", "compiled", KalmanFilter),
+        ("auto", "filterpy", FilterPyFilter),
+        ("white", "filterpy", FilterPyFilter),
+    ],
+)
+@pytest.mark.parametrize("name", ["kalman", "fixed-lag"])
+def test_noise_that_lasts_has_its_filter(name, colour, engine, kind):
+    made = make_filter(steady(name, noise_colour=colour, engine=engine), MODEL)
+    made = made._kalman if name == "fixed-lag" else made
+    assert type(made) is kind
