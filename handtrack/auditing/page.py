@@ -18,7 +18,7 @@ color:#222;background:#fff}table{border-collapse:collapse;width:100%}th,td{text-
 padding:.25rem .6rem;border-bottom:1px solid #ddd}td.n,th.n{text-align:right;
 font-variant-numeric:tabular-nums}h2{margin:2rem 0 .3rem}ul{margin:.3rem 0}
 tr.found td{padding:0 .6rem .6rem 1.6rem;color:#666}tr.of td{border-bottom:0;padding-top:.6rem}
-figure{display:inline-block;margin:.4rem}figcaption{font-size:.8rem;color:#555;text-align:center}.kind{font-weight:600}
+figure{display:inline-block;margin:.4rem;width:12.5rem;vertical-align:top}figcaption{font-size:.8rem;color:#555;text-align:center}.kind{font-weight:600}
 @media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}th,td{border-color:#444}
 tr.found td{color:#aaa}}
 """

@@ -177,8 +177,8 @@ class Explained:
     def __str__(self) -> str:
         left, free, bound = (1e3 * of.mean for of in (self.fitted, self.unlimited, self.bound))
         return (
-            f"the hand leaves {left:.2f} mm of its input ({free:.2f} mm without limits), any hand"
-            f" of rigid bones {bound:.2f} mm; {self.frames} frames"
+            f"the hand leaves {left:.2f} mm of its input, without limits {free:.2f};"
+            f" any hand of rigid bones {bound:.2f} mm"
         )
 
     def summary(self) -> dict[str, object]:

@@ -94,7 +94,7 @@ def draw_errors(axes: Axes, runs: list[Run]) -> None:
             if np.isfinite(drawn).any():
                 greatest = max(greatest, float(np.nanquantile(drawn, 0.995)))
     axes.set_ylabel(label)
-    axes.set_ylim(0, 1.25 * greatest or 1.0)
+    axes.set_ylim(0, 1.5 * greatest or 1.0)  # the legend stands above the lines
     axes.locator_params(axis="y", nbins=4)
     axes.margins(x=0.01)
     if axes.get_legend_handles_labels()[1]:
@@ -136,6 +136,7 @@ def _spans(run: Run, wanted: NDArray[np.bool_]) -> list[tuple[float, float]]:
 
 def draw_legend(figure: Figure, runs: list[Run], how: PlotSettings) -> None:
     """What lines, bands, shades and marks are, above the panels."""
+    from matplotlib.legend_handler import HandlerTuple
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -146,8 +147,10 @@ def draw_legend(figure: Figure, runs: list[Run], how: PlotSettings) -> None:
         named = {name: COLOURS[0]} | ({"fit": _INPUT} if track.filtered and how.raw else {})
     made: list[Any] = [Line2D([], [], color=c, lw=0.9, label=name) for name, c in named.items()]
     if how.bands:
-        colour = COLOURS[0] if alone else _INPUT
-        made.append(Patch(color=colour, alpha=0.22, lw=0, label=f"fit ± {how.bands:g} sd"))
+        shades = [COLOURS[i % len(COLOURS)] for i in range(len(runs))]
+        bands = tuple(Patch(color=colour, alpha=0.22, lw=0) for colour in shades)
+        bands[0].set_label(f"fit ± {how.bands:g} sd")
+        made.append(bands)
     made.append(Patch(color=_OUTSIDE, lw=0, label=f"outside limits ({track.model.limits.name})"))
     if how.statuses:
         present = {s for run in runs for s in run.track.status.tolist()}
@@ -160,7 +163,9 @@ def draw_legend(figure: Figure, runs: list[Run], how: PlotSettings) -> None:
                     Line2D([], [], marker=mark, color=colour, ms=2.6, mew=0.5, lw=0, label=label)
                 )
     columns = max(1, int(how.width_mm / (26.0 * how.font_pt / 7.0)))
+    names = [one[0].get_label() if isinstance(one, tuple) else one.get_label() for one in made]
     figure.legend(
-        handles=made, loc="outside upper left", ncols=min(columns, len(made)), handlelength=1.6,
+        made, names, loc="outside upper left", ncols=min(columns, len(made)), handlelength=1.6,
         columnspacing=1.2, borderaxespad=0.2,
+        handler_map={tuple: HandlerTuple(ndivide=None, pad=0.0)},
     )  # fmt: skip

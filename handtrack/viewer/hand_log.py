@@ -20,7 +20,7 @@ from handtrack.viewer.style import Look
 if TYPE_CHECKING:
     import rerun as rr
 
-_DOWN = 1.04  # of the way to the lower edge of the motion, so below the hand
+_DOWN = 0.9  # of the way to the lower edge of what is seen: labels are below, and stay inside
 _WIDE_M = 0.25  # half of a picture whose bar is the longer one
 
 
