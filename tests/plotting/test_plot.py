@@ -111,7 +111,11 @@ def test_several_tracks_and_a_span_of_time(tracked):
     index = ANGLE_NAMES.index("index_pip_flexion")
     np.testing.assert_allclose(first, np.rad2deg(tracked.angles[15:31, index]))
     np.testing.assert_allclose(second, first)
-    names = [t.get_text() for t in figure.legends[0].get_texts()]
+    legend = figure.legends[0]
+    colours = np.array([patch.get_facecolor() for patch in legend.get_patches()])
+    seen = 1 + colours[:, 3:] * (colours[:, :3] - 1)  # on white
+    assert len(np.unique(seen.round(1), axis=0)) == len(seen)  # no colour has two meanings
+    names = [t.get_text() for t in legend.get_texts()]
     assert names[:2] == ["a", "b"]
 
 
