@@ -18,6 +18,7 @@ def tables() -> dict[str, str]:
         "methods": methods(),
         "accuracy_tune": accuracy("accuracy_tune"),
         "accuracy_holdout": accuracy("accuracy_holdout"),
+        "accuracy_holdout4": accuracy("accuracy_holdout4"),
         "accuracy_ladder": as_kept("accuracy_ladder"),
         "lasting_noise": as_kept("lasting_noise"),
         "uncertainty": as_kept("uncertainty"),

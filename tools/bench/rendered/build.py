@@ -37,10 +37,11 @@ _HELD_OUT = {
     "holdout2": (80, 0.75, 3000),
     "holdout3": (100, 0.5, 4000),
     "holdout4": (220, 0.25, 6000),
+    "holdout5": (320, 0.0, 7000),
 }
-SPLITS = ("tune", "holdout", "holdout2", "holdout3")
+SPLITS = ("tune", "holdout", "holdout2", "holdout3", "holdout4")
 """What is measured."""
-NEXT = "holdout4"
+NEXT = "holdout5"
 """Held out for the next time: planned, and not drawn yet."""
 
 
