@@ -1,6 +1,7 @@
 """handtrack: track 3D hand joint sequences, record, replay and measure them.
 
-- Read: `load`, `repair_identity`, `load_cameras`; they give `Sequence` (with `Remark`), `Camera`.
+- Read: `load`, `repair_identity`, `load_cameras`; they give `Sequence` (with `Remark`,
+  `Picture`), `Camera`.
 - Hands: `HandModel`, `Limits`, `MANO`, `load_hand`, `save_hand`, `to_mano`,
   `from_mano` (`ManoPose`, `AnglesOfMano`); of a subject: `calibrate` (`Calibration`),
   `explain` (`Explained`, of `Residual`s and their `Split`).
@@ -52,6 +53,7 @@ _WHERE = {
     "load_hand": "hand.hand_file",
     "Sequence": "sequences.sequence",
     "Remark": "sequences.sequence",
+    "Picture": "sequences.picture",
     "load": "video.loading",
     "repair_identity": "sequences.identity",
     "Camera": "cameras.camera",
@@ -193,6 +195,7 @@ if TYPE_CHECKING:
     from handtrack.recording.settings import RecordingSettings as RecordingSettings
     from handtrack.recording.write import write_mcap as write_mcap
     from handtrack.sequences.identity import repair_identity as repair_identity
+    from handtrack.sequences.picture import Picture as Picture
     from handtrack.sequences.sequence import Remark as Remark
     from handtrack.sequences.sequence import Sequence as Sequence
     from handtrack.tracking.frame import TrackedFrame as TrackedFrame

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from handtrack.cameras.camera import Camera
+from handtrack.cameras.camera import Camera
 
 Array = NDArray[np.float64]
 

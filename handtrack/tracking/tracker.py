@@ -30,7 +30,7 @@ OLD_ORDER = (
 )
 """In which older programs give options without their names."""
 if not TYPE_CHECKING:
-    __getattr__ = moved(__name__, {"track": "tracking.sequence_track"})
+    __getattr__ = moved(__name__, {"track": "video.pictured"})
 
 
 class Tracker:
