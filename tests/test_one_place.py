@@ -61,7 +61,11 @@ def changed(tmp_path_factory: pytest.TempPathFactory) -> dict:
     root = tmp_path_factory.mktemp("changed")
     nothing = shutil.ignore_patterns("__pycache__")
     shutil.copytree(PACKAGE, root / "handtrack", ignore=nothing)
-    shutil.copytree(PACKAGE.parent / "tools" / "docs", root / "tools" / "docs", ignore=nothing)
+    shutil.copytree(
+        Path(__file__).resolve().parents[1] / "tools" / "docs",
+        root / "tools" / "docs",
+        ignore=nothing,
+    )
     file = root / "handtrack" / "tracking" / "settings.py"
     text, n = re.subn(r"\n    couple: bool", _SETTING + r"\g<0>", file.read_text())
     assert n == 1

@@ -26,6 +26,11 @@ from handtrack.video.views import Array, Views
 DOUBT_PX = 8.0
 """A warm-started frame whose views are off by more (root mean square) is begun anew as well."""
 
+DOUBTFUL = 1.25
+"""Of the usual reprojection error; a frame of one camera that has more is believed less."""
+FEW, MANY = 10, 300
+"""Frames that tell what is usual, at least and at most."""
+
 
 @dataclass(frozen=True, eq=False)
 class Followed:
@@ -96,17 +101,20 @@ def follow(
     if np.isfinite(held).any():
         joints += _steadier(joints, views, chosen.filter)
     joints[~seen.any(1)] = np.nan
+    error = np.where(seen, error, np.nan)
+    trust = np.ones(n)
+    if np.isfinite(held).any():
+        trust = _trust(error[:, 0], is_whole=chosen.filter.name == "rts")
     sequence = Sequence(
         time_ns=views.time_ns,
         joints=joints,
-        confidence=np.where(seen, fits.weights, 0.0).max(1),
+        confidence=trust[:, None] * np.where(seen, fits.weights, 0.0).max(1),
         hand=views.hand,
         frame_index=views.frame_index,
         name=views.name,
         source=views.source,
         notes=views.notes,
     )
-    error = np.where(seen, error, np.nan)
     return Followed(sequence, error, _noise_mm(views, joints, error))
 
 
@@ -164,6 +172,24 @@ class _Fits:
             if fresh is not None and (best is None or fresh.objective < best.objective):
                 best = fresh
         return best
+
+
+def _trust(error: Array, is_whole: bool) -> Array:
+    """(T,) how far frames are believed: one that suits its picture badly shows another hand.
+
+    Args:
+        error: (T, 21) [px], NaN where not seen.
+        is_whole: compared with all frames; else with those before.
+    """
+    known = np.flatnonzero(np.isfinite(error).any(1))
+    size, trust = np.nanmean(error[known], axis=1), np.ones(len(error))
+    if is_whole:
+        usual = np.full(len(size), np.median(size))
+    else:
+        usual = np.array([np.median(size[max(0, i - MANY) : i + 1]) for i in range(len(size))])
+        usual[:FEW] = np.inf
+    trust[known] = np.minimum(1.0, (DOUBTFUL * usual / np.maximum(size, 1e-9)) ** 6)
+    return trust
 
 
 def _noise_mm(views: Views, joints: Array, error: Array) -> float:

@@ -91,8 +91,12 @@ def fitted(
         numbered=sequence.numbered,
         cameras=about(followed, hand, 1, picture.lens),
     )
-    noise = max(followed.noise_mm, hand.noise_mm, LEAST_NOISE_MM)
-    return Fitted(joints, without_landmarks(hand.fitted), noise)
+    return Fitted(joints, without_landmarks(hand.fitted), noise_told(followed, hand))
+
+
+def noise_told(followed: Followed, hand: SeenHand) -> float:
+    """The noise of one camera's joints that a filter is told [mm]."""
+    return max(followed.noise_mm, hand.noise_mm, LEAST_NOISE_MM)
 
 
 def about(followed: Followed, hand: SeenHand, views: int, lens: str) -> dict[str, Any]:

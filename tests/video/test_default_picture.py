@@ -15,6 +15,7 @@ from handtrack.cli import run
 from handtrack.errors import InputError
 from handtrack.evaluation.metrics import pa_mpjpe
 from handtrack.sequences.identity import repair_identity
+from handtrack.video import following
 from handtrack.video.placing import Seen
 
 
@@ -182,3 +183,16 @@ def test_both_hands_of_a_video_stand_where_they_are_seen():
         swapped = replace(both, image={"left": image["right"], "right": image["left"]})
         np.testing.assert_array_equal(Seen.alone(swapped).place(track).image, image[track.hand])
     assert places["right"] - places["left"] > 0.15
+
+
+def test_frames_that_suit_their_picture_badly_are_believed_less() -> None:
+    error = np.full((40, 21), 2.0)
+    error[20:23], error[30] = 5.0, np.nan
+    by_all, by_earlier = (following._trust(error, is_whole) for is_whole in (True, False))
+    expected = np.ones(40)
+    expected[20:23] = (following.DOUBTFUL * 2.0 / 5.0) ** 6
+    assert by_all == pytest.approx(expected)
+    assert by_earlier == pytest.approx(expected)
+    error[:5] = 5.0  # nobody knows yet what is usual
+    assert (following._trust(error, False)[:10] == 1.0).all()
+    assert (following._trust(error, True)[:5] < 0.1).all()

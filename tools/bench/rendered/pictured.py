@@ -15,6 +15,7 @@ from handtrack.tracking.settings import TrackSettings
 from handtrack.video.detections import Detections
 from handtrack.video.following import follow
 from handtrack.video.one_camera import hand_seen
+from handtrack.video.pictured import noise_told
 from handtrack.video.placing import assumed_camera
 from handtrack.video.views import views_of
 from tools.bench.rendered.cases import TRIANGULATED, Case
@@ -45,7 +46,7 @@ def seen_in_picture(
     settings = TrackSettings().but(filter=filter, detector=profiles(case))
     followed = follow(views, hand.model, hand.shown, settings)
     bare = without_landmarks(hand.shown or hand.model)
-    noise_mm = max(followed.noise_mm, hand.noise_mm)
+    noise_mm = noise_told(followed, hand)
     return ht.track(followed.sequence, bare, filter=filter, calibrate="none", noise_mm=noise_mm)
 
 
