@@ -82,6 +82,19 @@ def test_a_wide_loss_is_the_square(robust):
         assert wide.objective == pytest.approx(plain.objective, rel=1e-4, abs=0)
 
 
+def test_the_second_start_is_another_one():
+    """Of hands that are none, some are met better from elsewhere: already with two starts."""
+    model, rng = HandModel.default("right"), np.random.default_rng(3)
+    gained = 0
+    for _ in range(24):
+        angles = rng.uniform(model.limits.lower, model.limits.upper)
+        joints = model.joints(angles) + rng.normal(size=(21, 3)) * 0.03
+        one, two = (fit(model, joints, starts=n).objective for n in (1, 2))
+        assert two <= one
+        gained += two < one - 1e-5
+    assert gained >= 2
+
+
 def test_more_starts_are_never_worse():
     better = 0
     for joints in some_poses(MODEL, 60, 0.02, seed=4).joints:
