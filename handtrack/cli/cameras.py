@@ -147,7 +147,7 @@ def from_cameras(
     from handtrack.files.pictures import pictures_in
     from handtrack.hand.reshape import without_landmarks
     from handtrack.video.following import follow
-    from handtrack.video.pictured import LEAST_NOISE_MM, about
+    from handtrack.video.pictured import about, noise_told
     from handtrack.video.placing import Seen
     from handtrack.video.views import views_of
 
@@ -175,7 +175,7 @@ def from_cameras(
             # what follows are joint centres
             models.keep(without_landmarks(hand.fitted))
             hands.append(views)
-            noise.append(max(followed.noise_mm, hand.noise_mm))
+            noise.append(noise_told(followed, hand))
             said = about(followed, hand, len(used), lens.known)
             if stored:
                 said["from"] = "landmarks in pictures"
@@ -190,7 +190,7 @@ def from_cameras(
     pictures = None
     if pictures_in(inputs[0]) is not None:
         pictures = Seen.together([f.detections for f in people[0]], hands)
-    return Item.of(sequences, inputs[0], pictures), max(*noise, LEAST_NOISE_MM)
+    return Item.of(sequences, inputs[0], pictures), max(noise)
 
 
 def _stack(inputs: tuple[Path, ...], reading: Reading) -> list[PictureLandmarks] | None:

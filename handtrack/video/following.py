@@ -98,13 +98,11 @@ def follow(
         ],
         1,
     )
+    error, trust = np.where(seen, error, np.nan), np.ones(n)
     if np.isfinite(held).any():
         joints += _steadier(joints, views, chosen.filter)
-    joints[~seen.any(1)] = np.nan
-    error = np.where(seen, error, np.nan)
-    trust = np.ones(n)
-    if np.isfinite(held).any():
         trust = _trust(error[:, 0], is_whole=chosen.filter.name == "rts")
+    joints[~seen.any(1)] = np.nan
     sequence = Sequence(
         time_ns=views.time_ns,
         joints=joints,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,10 +22,11 @@ from handtrack.tracking.sequence_track import track as track_joints
 from handtrack.tracking.settings import TrackSettings
 from handtrack.tracking.track import Track
 from handtrack.tracking.tracker import OLD_ORDER
-from handtrack.video.following import Followed, follow
-from handtrack.video.one_camera import SeenHand, hand_seen
-from handtrack.video.placing import assumed_camera
-from handtrack.video.views import Views, view_of
+
+if TYPE_CHECKING:
+    from handtrack.video.following import Followed
+    from handtrack.video.one_camera import SeenHand
+    from handtrack.video.views import Views
 
 ALONE = "its picture does not show the hand that its joints are: these alone are fitted"
 LEAST_NOISE_MM = 1e-3
@@ -73,6 +74,12 @@ def fitted(
     Raises:
         InputError: no hand is found in the joints.
     """
+    # joints without a picture need none of it
+    from handtrack.video.following import follow
+    from handtrack.video.one_camera import hand_seen
+    from handtrack.video.placing import assumed_camera
+    from handtrack.video.views import view_of
+
     views = view_of(sequence, picture, picture.camera or assumed_camera(picture.size))
     if not np.isfinite(views.points).any():
         return None

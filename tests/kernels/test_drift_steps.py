@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from plain import plain, positive, record
+from poses_in_time import moved, pose_of, step
 from scipy.spatial.transform import Rotation
 
 from handtrack.kernels import colour, drift, drift_loop, drift_smoother, motion_noise
@@ -24,11 +25,7 @@ def state(seed: int):
     p = positive(rng, ALL)
     s.pose_pose, s.pose_rest, s.rest_rest = p[:N, :N].copy(), p[:N, N:].copy(), p[N:, N:].copy()
     s.rotation = Rotation.random(rng=rng).as_matrix()
-    decay = rng.uniform(0.5, 20.0, N)
-    s.f01, s.f11, s.q00, s.q01, s.q11 = (
-        np.array(row)
-        for row in zip(*(motion_noise.unit_process.py_func(d, 0.05) for d in decay), strict=True)
-    )
+    step(s, rng)
     s.density, s.stays = rng.uniform(0.1, 2.0, N), rng.uniform(0.0, 0.9, N)
     s.renewed, s.spread = np.sqrt(1 - s.stays**2), positive(rng, N)
     return s
@@ -60,18 +57,6 @@ def noise(s) -> np.ndarray:
     q[:N, N:BOTH] = q[N:BOTH, :N] = np.diag(s.density * s.q01)
     q[N:BOTH, N:BOTH] = np.diag(s.density * s.q11)
     return q
-
-
-def moved(s, before: tuple, d: np.ndarray) -> None:
-    angles, rotation, translation = before
-    np.testing.assert_allclose(s.angles, angles + d[:20], atol=1e-12)
-    turn = Rotation.from_rotvec(d[20:23]).as_matrix()
-    np.testing.assert_allclose(s.rotation, turn @ rotation, atol=1e-12)
-    np.testing.assert_allclose(s.translation, translation + d[23:], atol=1e-12)
-
-
-def pose_of(s) -> tuple:
-    return s.angles.copy(), s.rotation.copy(), s.translation.copy()
 
 
 def test_prediction_is_f_p_ft_plus_q():
