@@ -81,5 +81,5 @@ def told(found: Mapping[str, object]) -> str | None:
     parts = found.get("split_mm")
     if not isinstance(parts, Mapping):
         return None
-    known = [f"{n} {x:.2f}" for n, x in parts.items() if isinstance(x, int | float)]
-    return f"residual by its parts, rms mm: {', '.join(known)}" if known else None
+    known = [f"{n} {x:.2f} mm" for n, x in parts.items() if isinstance(x, int | float)]
+    return f"residual by its parts, rms: {', '.join(known)}" if known else None

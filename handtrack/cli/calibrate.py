@@ -185,10 +185,8 @@ def _say(hand: HandModel, found: dict[str, Any], sequences: list[Sequence]) -> N
         line += f" {found['noise_mm']:.2f} mm"
     click.echo(line)
     click.echo(
-        f"residual {found['residual_mean_mm']:.2f} mm (rms {found['residual_rms_mm']:.2f}),"
-        f" without limits {found['unlimited_mean_mm']:.2f} ({found['unlimited_rms_mm']:.2f});"
-        f" any hand of rigid bones leaves {found['bound_mean_mm']:.2f}"
-        f" ({found['bound_rms_mm']:.2f})"
+        f"residual {_length(found, 'residual')}, without limits {_length(found, 'unlimited')};"
+        f" any hand of rigid bones leaves {_length(found, 'bound')}"
     )
     if text := told(found):
         click.echo(text)
@@ -197,8 +195,13 @@ def _say(hand: HandModel, found: dict[str, Any], sequences: list[Sequence]) -> N
             click.echo(f"{what} that the frames do not show stay the model's: " + _list(found[key]))
     drift = found.get("drift_mm", [])
     if len(drift) > 1:
-        lengths = ", ".join(f"{s.name} {d:.1f}" for s, d in zip(sequences, drift, strict=False))
-        click.echo(f"largest drift of a bone's length [mm]: {lengths}")
+        lengths = ", ".join(f"{s.name} {d:.1f} mm" for s, d in zip(sequences, drift, strict=False))
+        click.echo(f"largest drift of a bone's length: {lengths}")
+
+
+def _length(found: dict[str, Any], what: str) -> str:
+    """ "2.36 mm (rms 2.63 mm)"."""
+    return f"{found[f'{what}_mean_mm']:.2f} mm (rms {found[f'{what}_rms_mm']:.2f} mm)"
 
 
 def _list(names: list[str]) -> str:

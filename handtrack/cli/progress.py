@@ -175,10 +175,13 @@ def begin() -> None:
 
 
 class Times:
-    """Seconds by what they were spent with; what is inside of something else counts once."""
+    """Seconds by what they were spent with; what is inside of something else counts once.
+
+    What went before it was made, since the command began, is `starting`.
+    """
 
     def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
+        self.seconds: dict[str, float] = {"starting": time.perf_counter() - _began}
         self._inner = 0.0
 
     @contextmanager
@@ -216,7 +219,9 @@ class Times:
     def said(self) -> str:
         """ "2.31 s: reading 0.21, fitting 1.60 ...", the longest first."""
         found = self.to_dict()
-        total = found.pop("total")
+        total, rest = found.pop("total"), found.pop("other")
         parts = sorted(found.items(), key=lambda part: -part[1])
         told = ", ".join(f"{what} {spent:.2f}" for what, spent in parts if spent >= _LEAST_S)
+        if rest >= _LEAST_S:
+            told += f", the rest {rest:.2f}" if told else f"the rest {rest:.2f}"
         return f"{total:.2f} s{f': {told}' if told else ''}"

@@ -23,6 +23,8 @@ _INPUT = "#7F7F7F"
 _OUTSIDE = "#E4E4E4"
 _STATUSES = {"fitted": "#A8D8C4", "predicted": "#E69F00", "lost": "#3C3C3C"}
 _LEVELS = {"warning": ("v", "#D55E00"), "info": ("|", "#000000")}
+_TIME_STEPS = 6
+"""Between the numbers on an axis of time, which all panels share."""
 _MANY = 20_000
 """So many frames are drawn as points of a picture inside the vectors."""
 
@@ -39,10 +41,25 @@ def draw_angle(axes: Axes, runs: list[Run], angle: int, how: PlotSettings) -> No
     for a, b in ((bottom, lowest), (highest, top)):
         axes.axhspan(a, b, color=_OUTSIDE, lw=0, zorder=0)
     axes.set_ylim(bottom, top)
-    axes.locator_params(axis="y", nbins=4)
+    _tick(axes, 6)
     axes.margins(x=0.01)
     finger, joint, motion = ANGLE_NAMES[angle].split("_")
     axes.set_title(f"{finger.capitalize()} {joint.upper()} {motion}")
+
+
+def _tick(axes: Axes, steps: int) -> None:
+    """At most so many steps between numbers upwards, and at least three numbers."""
+    from matplotlib.ticker import MaxNLocator
+
+    _tick_time(axes)
+    axes.yaxis.set_major_locator(MaxNLocator(steps, steps=[1, 2, 3, 5, 10], min_n_ticks=3))
+
+
+def _tick_time(axes: Axes) -> None:
+    from matplotlib.ticker import AutoMinorLocator, MaxNLocator
+
+    axes.xaxis.set_major_locator(MaxNLocator(_TIME_STEPS, steps=[1, 2, 5, 10]))
+    axes.xaxis.set_minor_locator(AutoMinorLocator(2))
 
 
 def _draw_run(
@@ -95,7 +112,7 @@ def draw_errors(axes: Axes, runs: list[Run]) -> None:
                 greatest = max(greatest, float(np.nanquantile(drawn, 0.995)))
     axes.set_ylabel(label)
     axes.set_ylim(0, 1.5 * greatest or 1.0)  # the legend stands above the lines
-    axes.locator_params(axis="y", nbins=4)
+    _tick(axes, 5)
     axes.margins(x=0.01)
     if axes.get_legend_handles_labels()[1]:
         axes.legend(loc="upper right", ncols=2, handlelength=1.6, borderaxespad=0.0)
@@ -118,6 +135,7 @@ def draw_statuses(axes: Axes, runs: list[Run]) -> None:
     axes.set_yticks(np.arange(len(runs))[::-1] + 0.33, names)
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(0, len(runs))
+    _tick_time(axes)
     axes.spines["left"].set_visible(False)
 
 

@@ -102,6 +102,8 @@ def _style(how: PlotSettings) -> AbstractContextManager[None]:
             "ytick.major.width": 0.5,
             "xtick.major.size": 2.0,
             "ytick.major.size": 2.0,
+            "xtick.minor.width": 0.5,
+            "xtick.minor.size": 1.2,
             "axes.spines.top": False,
             "axes.spines.right": False,
             "legend.frameon": False,

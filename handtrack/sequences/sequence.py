@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from handtrack.errors import InputError
 from handtrack.files.long_arrays import blocks, by_blocks, rows_of
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
+from handtrack.hand.sketch import PALM, html_card
 from handtrack.sequences.picture import Picture
 
 if TYPE_CHECKING:
@@ -202,6 +203,19 @@ class Sequence:
             f" {missing:.1f} % of the joints missing{truth}>"
         )
 
+    def _repr_html_(self) -> str:
+        rows = {
+            "hand": self.hand,
+            "frames": f"{len(self):,}" + (f", {self.fps:.4g} a second" if len(self) > 1 else ""),
+            "missing": f"{100.0 * (1.0 - self.present.mean()):.1f} % of the joints",
+            "truth": "yes" if self.truth is not None else "no",
+            "detector": self.detector or "not known",
+            "source": self.source,
+        }
+        whole = np.flatnonzero(self.present[:, list(PALM)].all(axis=1))
+        joints = self.joints[whole[len(whole) // 2]] if len(whole) else None
+        return html_card(self.name, rows, joints, self.hand)
+
 
 def frames_between(
     time_ns: NDArray[np.int64], start_s: float | None, end_s: float | None
@@ -209,8 +223,11 @@ def frames_between(
     """(T,) which frames lie from one time to another, both included [s from the first frame].
 
     Raises:
-        InputError: none.
+        InputError: none, or a time is not a number.
     """
+    for given in (start_s, end_s):
+        if given is not None and not isinstance(given, int | float | np.integer | np.floating):
+            raise InputError(f"{given!r} is no time: expected seconds from the first frame")
     seconds = (time_ns - time_ns[:1]) * 1e-9
     keep = seconds >= (-np.inf if start_s is None else start_s)
     keep &= seconds <= (np.inf if end_s is None else end_s)

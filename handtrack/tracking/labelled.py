@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from handtrack.errors import SettingsError
-from handtrack.hand.rotations import quaternion_to_matrix
-from handtrack.hand.skeleton import ANGLE_NAMES, BONES, JOINT_NAMES
+from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES
+from handtrack.hand.sketch import html_card
 
 if TYPE_CHECKING:
     import pandas
@@ -122,31 +121,7 @@ def as_html(track: Track) -> str:
         rows[kind] = f"{int((track.status == kind).sum()):,}"
     error = 1e3 * track.error[np.isfinite(track.error)]
     if len(error):
-        rows["from its input"] = f"{error.mean():.2f} mm, p95 {np.percentile(error, 95):.2f}"
-    cells = "".join(
-        f"<tr><th style='text-align:left'>{escape(name)}</th><td>{escape(value)}</td></tr>"
-        for name, value in rows.items()
-    )
-    table = f"<table><caption>{escape(track.name)}</caption>{cells}</table>"
-    return f"<div style='display:flex;gap:1em'>{_picture(track)}{table}</div>"
-
-
-def _picture(track: Track) -> str:
-    """The skeleton from the back of the hand, as SVG."""
+        rows["from its input"] = f"{error.mean():.2f} mm, p95 {np.percentile(error, 95):.2f} mm"
     fitted = np.flatnonzero(track.status == "fitted")
-    if not len(fitted):
-        return ""
-    t = fitted[len(fitted) // 2]
-    turned = (track.filtered_joints[t] - track.translation[t]) @ quaternion_to_matrix(
-        track.quaternion[t]
-    )
-    flat = np.stack([-turned[:, 1], -turned[:, 0]], axis=1)
-    flat = 10 + 140 * (flat - flat.min(axis=0)) / np.ptp(flat, axis=0).max()
-    lines = "".join(
-        f"<line x1='{flat[a, 0]:.1f}' y1='{flat[a, 1]:.1f}' x2='{flat[b, 0]:.1f}'"
-        f" y2='{flat[b, 1]:.1f}'/>"
-        for a, b in BONES
-    )
-    dots = "".join(f"<circle cx='{x:.1f}' cy='{y:.1f}' r='3'/>" for x, y in flat)
-    style = "stroke='#4477aa' stroke-width='3' fill='#ee6677'"
-    return f"<svg width='160' height='160' {style}>{lines}<g stroke='none'>{dots}</g></svg>"
+    joints = track.filtered_joints[fitted[len(fitted) // 2]] if len(fitted) else None
+    return html_card(track.name, rows, joints, track.hand)

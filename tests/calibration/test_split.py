@@ -81,5 +81,5 @@ def test_the_parts_are_the_whole(hand_moves):
     both = np.concatenate([off, off[:10]])
     whole = np.nanmean(np.square(both).sum(-1))
     assert sum(x**2 for x in vars(found).values()) == pytest.approx(whole)
-    assert told({"split_mm": found.summary()}).startswith("residual by its parts, rms mm: bias ")
+    assert told({"split_mm": found.summary()}).startswith("residual by its parts, rms: bias ")
     assert told({}) is None

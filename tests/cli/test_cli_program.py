@@ -170,17 +170,24 @@ def test_what_took_the_time_adds_up_to_the_whole(monkeypatch):
     now = [100.0]
     monkeypatch.setattr(progress.time, "perf_counter", lambda: now[0])
     progress.begin()
+    now[0] += 0.125
     times = progress.Times()
-    now[0] += 0.5
+    now[0] += 0.375
     with times.during("writing"):
         now[0] += 0.25
         with times.during("fitting"):
             now[0] += 2.0
         times.move(0.5, "fitting", "calibrating")
     assert times.to_dict() == {
-        "fitting": 1.5, "writing": 0.25, "calibrating": 0.5, "other": 0.5, "total": 2.75
-    }  # fmt: skip
-    assert times.said().startswith("2.75 s: fitting 1.50, calibrating 0.50")
+        "starting": 0.125,
+        "fitting": 1.5,
+        "writing": 0.25,
+        "calibrating": 0.5,
+        "other": 0.375,
+        "total": 2.75,
+    }
+    said = "fitting 1.50, calibrating 0.50, writing 0.25, starting 0.12, the rest 0.38"
+    assert times.said() == f"2.75 s: {said}"
 
 
 def test_a_log_gets_a_line_a_minute(monkeypatch, capsys):

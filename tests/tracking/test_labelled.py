@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+import re
+
 import numpy as np
 import pytest
 
 import handtrack as ht
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES
+from handtrack.hand.sketch import sketch
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +30,7 @@ def test_a_part_by_time(track):
         track.between(50)
 
 
-def test_a_part_of_a_sequence_by_time(sample):
+def test_a_part_of_a_sequence_by_time(sample, track):
     part = sample.between(0.5, 1.0)
     start = (part.time_ns[0] - sample.time_ns[0]) * 1e-9
     end = (part.time_ns[-1] - sample.time_ns[0]) * 1e-9
@@ -39,6 +43,38 @@ def test_a_part_of_a_sequence_by_time(sample):
     assert repr(part).endswith(" % of the joints missing, with truth>")
     with pytest.raises(InputError, match="no frame from 50 to None s"):
         sample.between(50)
+    for of in (sample, track):
+        with pytest.raises(InputError, match="'a' is no time: expected seconds from the first"):
+            of.between("a", 2)
+
+
+def test_a_sequence_shows_itself_in_a_notebook(sample):
+    html = sample._repr_html_()
+    assert html.count("<line") >= 15
+    assert "300, 30 a second" in html
+    assert f"{100 * (1 - sample.present.mean()):.1f} % of the joints" in html
+    assert "nan" not in html
+    gone = sample.joints.copy()
+    gone[:, 9] = np.nan
+    without = dataclasses.replace(sample, joints=gone)._repr_html_()
+    assert "<svg" not in without
+    assert "<table" in without
+    flat = dataclasses.replace(sample, joints=np.full_like(sample.joints, 0.5))
+    assert "<table" in flat._repr_html_()
+
+
+def test_the_sketch_shows_the_back_of_either_hand(sample):
+    def thumb_at(hand, joints):
+        circles = re.findall(r"cx='([\d.]+)' cy='([\d.]+)'", sketch(joints, hand))
+        points = np.array(circles, float)
+        assert points.min() >= 10
+        assert points.max() <= 150
+        assert points[0, 1] > points[9, 1]  # the wrist is below
+        return points[4, 0] - points[20, 0]
+
+    rest = ht.HandModel.default().rest_joints
+    assert thumb_at("right", rest) < 0  # the back of a right hand: its thumb is left
+    assert thumb_at("left", rest * [1, -1, 1]) > 0
 
 
 def test_it_says_what_it_is_in_one_line(track):
