@@ -129,6 +129,12 @@ class Block:
         variance.setflags(write=False)
         return variance
 
+    def _variance_of(self, steady: Array, raw: Array) -> Array:
+        """As `_variance`, of one frame (20,)."""
+        if self.lasting is not None:
+            return self._variance(steady, raw)
+        return raw if math.isnan(steady.item(0)) else steady
+
     def stretch(
         self,
         head: Head,
@@ -171,9 +177,7 @@ class Block:
             translation=steady.translation,
             fitted_joints=row.joints,
             filtered_joints=steady.joints,
-            angle_variance=row.variance
-            if steady is row and self.lasting is None
-            else self._variance(steady.variance, row.variance),
+            angle_variance=self._variance_of(steady.variance, row.variance),
             objective=row.objective,
             iterations=row.sweeps + row.steps,
             status="fitted" if fitted else "predicted" if self.known[t] else "lost",

@@ -14,15 +14,10 @@ import numpy as np
 from handtrack.hand.model import HandModel
 from handtrack.kernels.workspace import unfitted
 from handtrack.tracking.filter_input import Frames
-from handtrack.tracking.kalman import (
-    DriftingFilter,
-    FixedLagFilter,
-    KalmanFilter,
-    Smoother,
-    Steadied,
-)
+from handtrack.tracking.kalman import DriftingFilter, KalmanFilter, Steadied
 from handtrack.tracking.one_euro import OneEuroFilter
 from handtrack.tracking.settings import TrackerSettings
+from handtrack.tracking.smoothers import FixedLagFilter, Smoother
 
 
 class PoseFilter(Protocol):

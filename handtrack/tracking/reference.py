@@ -34,7 +34,7 @@ class FilterPyFilter(KalmanFilter):
         self._filter: Any = FilterPy(dim_x=2 * N_POSE, dim_z=N_POSE)
         self._filter.H = _MEASURED
 
-    def _run(self, frames: Frames, kept: Records | None) -> tuple[Records, Records]:
+    def run(self, frames: Frames, kept: Records | None) -> tuple[Records, Records]:
         n = len(frames.raw)
         out, notes = unfitted(n), np.zeros(n, NOTE)
         for t in range(n):
@@ -46,8 +46,8 @@ class FilterPyFilter(KalmanFilter):
     def _frame(
         self, now: int, shown: tuple[Array, Array, Records, Records], out: Records, kept: Any
     ) -> None:
-        s: Any = self._state[0]
-        with_model, motion = (self._state, *self.with_model), (self._process, self._grid)
+        s: Any = self.state[0]
+        with_model, motion = (self.state, *self.with_model), (self.process, self.grid)
         if kernels.before_frame(*with_model, motion, now, *shown):
             self._get(s)
             self._filter.predict(F=_transition(s), Q=_noise(s))
@@ -63,13 +63,13 @@ class FilterPyFilter(KalmanFilter):
             # what is best with the prediction, as if measured without it
             r = np.linalg.inv(s["system"])
             z = s["distance"].copy()
-            if self._settings.coupled:
+            if self.numbers.coupled:
                 z += r @ s["pull"]
             self._get(s)
             self._filter.update(z[:, None], R=r)
             s["distance"] = moved = self._put(s)
             log = -np.linalg.slogdet(s["pose_pose"])[1]
-            if not self._settings.coupled:
+            if not self.numbers.coupled:
                 # as in `kalman.update`
                 log += z @ s["precision"] @ (moved - z)
             shown[3]["likelihood"] -= 0.5 * log
@@ -89,7 +89,7 @@ class FilterPyFilter(KalmanFilter):
     def _put(self, s: Any) -> Array:
         """Take filterpy's state over; returns by how much the pose moved."""
         moved = self._filter.x[:, 0]
-        kernels.shift_pose(self._state, moved[_POSE].copy())
+        kernels.shift_pose(self.state, moved[_POSE].copy())
         s["velocity"] = moved[_SPEED]
         # filterpy lets rounding make its covariance less symmetric with every frame
         covariance = 0.5 * (self._filter.P + self._filter.P.T)

@@ -38,7 +38,7 @@ def lasting(shape: tuple[int, ...], dt: float, time_s: float, rng: np.random.Gen
 
 def drifting(share: float, time_s: float = 0.1, **settings) -> DriftingFilter:
     made = DriftingFilter(MODEL, steady("kalman", noise_colour=time_s, **settings))
-    made.share = share
+    made.numbers = made.numbers._replace(share=share)
     return made
 
 
@@ -77,8 +77,8 @@ def dense(frames: Frames, filter_: DriftingFilter) -> np.ndarray:
     one, first, stays = np.eye(N), frames.raw[0], np.exp(-np.diff(frames.times_ns) * 1e-9 / 0.1)
     filter_.reset()
     for t in range(n):
-        filter_._run(frames.part(slice(t, t + 1)), None)
-        s, at = filter_._state[0], wanted * t
+        filter_.run(frames.part(slice(t, t + 1)), None)
+        s, at = filter_.state[0], wanted * t
         if t == 0:
             information = s["white"] * s["noise"] * np.linalg.inv(s["pose_pose"])
             unit = np.linalg.inv(information + (LEAST_UNIT * np.eye(N)))
@@ -118,7 +118,7 @@ def test_filter_and_smoother_are_least_squares(frames):
     expected = dense(given, made)
     made.reset()
     kept = np.zeros(frames, made.kept)
-    causal, notes = made._run(given, kept)
+    causal, notes = made.run(given, kept)
     out = np.full(frames, UNFITTED)
     made.smooth(*made.with_model, 0, frames, notes, kept, out)
     found = np.array([numbers(row, given.raw[0]) for row in out])
@@ -136,7 +136,7 @@ def test_no_share_is_the_white_filter(couple):
     frames = frames_of(times_ns, joints + rng.normal(0, 2e-3, joints.shape))
     made = drifting(0.0, couple=couple)
     white = KalmanFilter(MODEL, steady("kalman", couple=couple))
-    ours, theirs = made._run(frames, None)[0], white._run(frames, None)[0]
+    ours, theirs = made.run(frames, None)[0], white.run(frames, None)[0]
     np.testing.assert_allclose(poses(ours), poses(theirs), atol=1e-9)
 
 
@@ -163,8 +163,8 @@ def test_residuals_show_whether_noise_lasts():
     assert 0.2 < half < 0.8
     for frames, least, most in ((white, 0.0, 0.1), (long, 0.8, 1.0)):
         made = DriftingFilter(MODEL, steady("kalman"))
-        made._run(frames, None)
-        assert least <= made._state[0]["share"] <= most
+        made.run(frames, None)
+        assert least <= made.state[0]["share"] <= most
 
 
 def test_what_a_clean_hand_leaves_is_no_noise():
@@ -172,8 +172,8 @@ def test_what_a_clean_hand_leaves_is_no_noise():
     clean, _ = noisy(0.3, size=1e-4)
     assert lasting_share(LongFrames.of(clean), 0.1)[0] == 0.0
     made = DriftingFilter(MODEL, steady("kalman"))
-    made._run(clean, None)
-    assert made._state[0]["share"] == 0.0
+    made.run(clean, None)
+    assert made.state[0]["share"] == 0.0
 
 
 def test_a_hand_that_does_not_fit_is_no_noise():
@@ -246,7 +246,7 @@ def test_the_noise_of_unseen_joints_is_vague_not_infinite():
     joints = joints + rng.normal(0, 1e-3, joints.shape)
     joints[:10, 17:] = np.nan
     made = drifting(1.0)
-    out, _ = made._run(frames_of(times_ns, joints), None)
+    out, _ = made.run(frames_of(times_ns, joints), None)
     assert np.isfinite(poses(out)).all()
     assert np.linalg.norm(out["joints"][-1] - joints[-1], axis=-1).max() < 8e-3
 

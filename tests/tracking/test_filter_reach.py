@@ -13,9 +13,10 @@ from handtrack.errors import InputError, SettingsError
 from handtrack.sequences.sequence import Remark
 from handtrack.tracking import events
 from handtrack.tracking.filters import make_filter
-from handtrack.tracking.kalman import DriftingFilter, KalmanFilter, _within_reach
+from handtrack.tracking.kalman import DriftingFilter, KalmanFilter
 from handtrack.tracking.reference import FilterPyFilter
 from handtrack.tracking.settings import TrackerSettings
+from handtrack.tracking.smoothers import _within_reach
 
 
 def reach(times: np.ndarray, fits: np.ndarray, coast: int) -> list[bool]:

@@ -19,7 +19,7 @@ import handtrack as ht
 from handtrack.hand.limits import preset
 from handtrack.hand.rotations import about_axis, matrix_to_vector, vector_to_matrix
 from handtrack.kernels.workspace import UNFITTED
-from handtrack.tracking import kalman
+from handtrack.tracking import smoothers
 from handtrack.tracking.filter_input import Frames
 from handtrack.tracking.filters import make_filter
 from handtrack.tracking.settings import FILTERS, TrackerSettings
@@ -301,9 +301,9 @@ def test_a_smoother_bridges_a_gap_from_both_sides():
 def test_windows_of_a_long_sequence_do_not_show(monkeypatch):
     frames = hard_frames(120)
     whole = run("rts", frames)
-    monkeypatch.setattr(kalman, "_WINDOW", 25)
-    monkeypatch.setattr(kalman, "_BEYOND", 60)
+    monkeypatch.setattr(smoothers, "_WINDOW", 25)
+    monkeypatch.setattr(smoothers, "_BEYOND", 60)
     windows = run("rts", frames)
     np.testing.assert_allclose(poses(windows), poses(whole), atol=3e-4)
-    monkeypatch.setattr(kalman, "_BEYOND", 0)
+    monkeypatch.setattr(smoothers, "_BEYOND", 0)
     assert np.nanmax(np.abs(poses(run("rts", frames)) - poses(whole))) > 1e-2

@@ -33,11 +33,11 @@ def test_compiled_equals_filterpy(couple, process_noise):
     n = len(frames.raw)
     ours, theirs = kalman(**settings), kalman(FilterPyFilter, **settings)
     kept = np.zeros(n, KEPT), np.zeros(n, KEPT)
-    (a, notes_a), (b, notes_b) = ours._run(frames, kept[0]), theirs._run(frames, kept[1])
+    (a, notes_a), (b, notes_b) = ours.run(frames, kept[0]), theirs.run(frames, kept[1])
     assert set(notes_a["kind"]) == {BEGUN, UPDATED, PREDICTED}
     np.testing.assert_array_equal(notes_a["kind"], notes_b["kind"])
     np.testing.assert_allclose(poses(a), poses(b), atol=1e-9, rtol=0)
-    x, y = ours._state[0], theirs._state[0]
+    x, y = ours.state[0], theirs.state[0]
     for name in ("angles", "rotation", "translation", "velocity"):
         np.testing.assert_allclose(x[name], y[name], atol=1e-9, rtol=0)
     for name in ("pose_pose", "speed_speed"):
@@ -74,8 +74,8 @@ def test_the_smoother_is_rauch_tung_and_striebels():
     causal, kept = kalman(**settings), np.zeros(n, KEPT)
     states, before = [], []
     for t in range(n):
-        causal._run(frames.part(slice(t, t + 1)), kept[t : t + 1])
-        x = causal._state[0]
+        causal.run(frames.part(slice(t, t + 1)), kept[t : t + 1])
+        x = causal.state[0]
         cross = x["pose_speed"]
         p = np.block([[x["pose_pose"], cross], [cross.T, x["speed_speed"]]])
         states.append((np.append(pose_in(x), x["velocity"]), p))
@@ -142,8 +142,8 @@ def test_evidence_is_the_slope_of_the_likelihood(couple):
 
     def likelihood(density: np.ndarray, kept: np.ndarray | None = None) -> tuple[float, np.ndarray]:
         filter_.reset()
-        filter_._process = process_noise.process(density)
-        notes = filter_._run(frames, kept)[1]
+        filter_.process = process_noise.process(density)
+        notes = filter_.run(frames, kept)[1]
         return notes["likelihood"].sum(), notes
 
     kept, evidence = np.zeros(50, KEPT), np.zeros((2, N))
@@ -166,12 +166,12 @@ def test_coupled_poses_minimise_prior_and_joints_under_the_limits():
     noisy = joints + rng.normal(0, 6e-3, joints.shape)
     frames = frames_of(times_ns, noisy)
     filter_ = kalman(FilterPyFilter, process_noise=1.0)
-    filter_._run(frames.part(slice(0, 29)), None)
-    x = filter_._state[0]
+    filter_.run(frames.part(slice(0, 29)), None)
+    x = filter_.state[0]
     given = frames.part(slice(29, 30))
     shown = (given.joints[0], given.weights[0], given.raw[:1], np.zeros(1, NOTE))
-    with_model = (filter_._state, *filter_.with_model)
-    motion_now = (filter_._process, filter_._grid)
+    with_model = (filter_.state, *filter_.with_model)
+    motion_now = (filter_.process, filter_.grid)
     assert kernels.before_frame(*with_model, motion_now, given.times_ns[0], *shown)
     # a prior that pulls some angles out of their limits
     x["angles"][[2, 7, 11]] += 4.0
@@ -230,14 +230,14 @@ def test_the_motions_noise_is_learnt():
     times_ns = np.arange(300) * int(1e9 / 60)
     frames = frames_of(times_ns, joints)
     stream = kalman()
-    stream._run(frames, None)
-    learnt = stream._state[0]["learnt"]
+    stream.run(frames, None)
+    learnt = stream.state[0]["learnt"]
     ratio = np.log(learnt / density)
     assert np.abs(ratio).max() < np.log(5.0)
     assert abs(ratio.mean()) < np.log(1.6)
     smoother = make_filter(steady("rts"), MODEL)
     smoother.advance(frames)
-    smoother._kalman._settings = stream._settings._replace(follow=0)
+    smoother._kalman.numbers = stream.numbers._replace(follow=0)
     ratio = np.log(smoother._learnt(smoother._inputs) / density)
     assert np.abs(ratio).max() < np.log(2.5)
     assert abs(ratio.mean()) < np.log(1.2)

@@ -304,7 +304,7 @@ def test_a_frame_that_is_refused_leaves_no_trace(name, sample):
 @pytest.mark.parametrize("name", ["_learnt", "_smoothed"])
 def test_a_smoother_that_is_stopped_is_as_new(name, sample, monkeypatch):
     """Ctrl-C while it smooths: its settings and its frames are not those of the run before."""
-    from handtrack.tracking.kalman import Smoother
+    from handtrack.tracking.smoothers import Smoother
 
     def stopped(self: Smoother, frames: object) -> None:
         raise KeyboardInterrupt
