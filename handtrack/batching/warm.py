@@ -21,7 +21,7 @@ from handtrack.evaluation.stability import stability
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import HANDS
 from handtrack.sequences.sequence import Sequence
-from handtrack.tracking.sequence_track import track
+from handtrack.tracking.sequence_track import track_joints
 
 _FRAMES = 24
 
@@ -43,7 +43,7 @@ def warm_up(settings: BatchSettings) -> bool:
             found = calibrate(model, sequence).model
             calibrate(found, sequence, "lengths")
             explain(found, sequence)
-            stability(track(sequence, found, settings=settings.tracking.but(calibrate="none")))
+            stability(track_joints(sequence, found, settings.tracking.but(calibrate="none")))
     return bool(made)
 
 

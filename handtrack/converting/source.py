@@ -14,7 +14,8 @@ from handtrack.converting.complete import Whole, completed
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import Hand
 from handtrack.sequences.sequence import Sequence
-from handtrack.tracking.sequence_track import track as fit_sequence
+from handtrack.tracking.sequence_track import track_joints
+from handtrack.tracking.settings import TrackSettings
 from handtrack.tracking.track import Track
 
 Array = NDArray[np.float64]
@@ -101,7 +102,8 @@ class Source:
             if self._sequence is None:
                 raise TypeError("a source is of a sequence or of a track")
             model, how = self._models(self._sequence)
-            self._track = fit_sequence(self._sequence, model, calibrate=how, filter="none")
+            settings = TrackSettings.of({"calibrate": how, "filter": "none"})
+            self._track = track_joints(self._sequence, model, settings)
         return self._track
 
     @cached_property

@@ -341,13 +341,7 @@ class HandModel:
         offsets = positions - np.einsum("...pij,pj->...pi", rotations, self.rest_joints[PART_JOINT])
         if rotation is not None:
             rotations = np.asarray(rotation, dtype=np.float64)[..., None, :, :] @ rotations
-        offsets = moved(offsets, rotation, translation)
-        lead = np.broadcast_shapes(rotations.shape[:-3], offsets.shape[:-2])
-        rotations = np.broadcast_to(rotations, (*lead, N_PARTS, 3, 3))
-        offsets = np.broadcast_to(offsets, (*lead, N_PARTS, 3))
-        if local is not None:
-            local = np.broadcast_to(local, (*lead, *local.shape[-3:]))
-        return self._skinning(rotations, offsets, local)
+        return self._skinning(rotations, moved(offsets, rotation, translation), local)
 
     @cached_property
     def _skinning(self) -> Skinning:

@@ -36,7 +36,7 @@ class Skinning:
     def __call__(self, rotations: Array, offsets: Array, local: Array | None = None) -> Array:
         """Vertices of poses.
 
-        Args:
+        Args: of shapes that broadcast;
             rotations: (..., P, 3, 3) of each part, from rest to the world.
             offsets: (..., P, 3): a point x of part p goes to rotations x + offsets [m].
             local: (..., P - 1, 3, 3) rotations of parts 1, 2, ... against their parents;
@@ -45,8 +45,12 @@ class Skinning:
         Returns:
             (..., V, 3) [m].
         """
-        lead, parts = rotations.shape[:-3], rotations.shape[-3]
-        n = math.prod(lead)
+        lead = np.broadcast_shapes(rotations.shape[:-3], offsets.shape[:-2])
+        rotations = np.broadcast_to(rotations, (*lead, *rotations.shape[-3:]))
+        offsets = np.broadcast_to(offsets, (*lead, *offsets.shape[-2:]))
+        if local is not None:
+            local = np.broadcast_to(local, (*lead, *local.shape[-3:]))
+        n, parts = math.prod(lead), rotations.shape[-3]
         if local is None or self._blend is None:
             # vertex v, pose n: sum_p w_vp T_np [x_v; 1], one product over (part, homogeneous axis)
             transforms = np.concatenate([rotations, offsets[..., None]], -1)  # (..., P, 3, 4)

@@ -14,7 +14,7 @@ from handtrack.errors import InputError, ModelError
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import reshaped, without_landmarks
 from handtrack.sequences.sequence import Remark, RemarkKind, Sequence
-from handtrack.tracking.sequence_track import track
+from handtrack.tracking.sequence_track import track_joints
 from handtrack.tracking.settings import TrackSettings
 from handtrack.tracking.track import Track
 
@@ -140,7 +140,7 @@ def retrack(
         # what lasts is of another hand, or another detector
         before = {name: v for name, v in before.items() if name not in _LASTING}
     wanted = TrackSettings.of({"calibrate": "none", **before, **given})
-    result = track(input_of(stored), model, settings=wanted)
+    result = track_joints(input_of(stored), model, wanted)
     first = int(stored.time_ns[0])
     # what the reader and the calibration had to say; the tracker says its own things again
     said = {event.text for event in result.events}

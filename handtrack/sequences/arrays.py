@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import warnings
 from dataclasses import replace
 from os import PathLike
@@ -16,14 +15,13 @@ from handtrack.errors import InputError
 from handtrack.hand.skeleton import N_JOINTS
 from handtrack.sequences.assemble import check_settings
 from handtrack.sequences.load import finished
-from handtrack.sequences.readers.raw import Raw
+from handtrack.sequences.readers.raw import METRES, Raw
 from handtrack.sequences.sequence import Sequence
+from handtrack.sequences.size import WrongUnit, absurd
 
 Array = NDArray[np.float64]
 
 _FPS = 30.0
-_UNIT = re.compile(r"--unit (cm|mm) would fit")
-_IN_A_METRE = {"cm": 100, "mm": 1000}
 _WANTED = f"expected a Sequence, or joints (T, {N_JOINTS}, 3) in metres"
 
 
@@ -51,12 +49,11 @@ def sequence_of(given: object) -> Sequence:
     raw = Raw(joints, Path("joints"), "joints", unit="m", time_ns=times)
     try:
         (sequence,) = finished([raw], check_settings(None, None, None), "auto", None)
-    except InputError as error:
-        unit = _UNIT.search(str(error))
-        if unit is None:
+    except WrongUnit as error:
+        if error.fits is None:
             raise
-        told = str(error).replace(unit[0], f"{unit[1]} would fit: divide by {_IN_A_METRE[unit[1]]}")
-        raise InputError(told) from None
+        cure = f"; {error.fits} would fit: divide by {1 / METRES[error.fits]:.0f}"
+        raise InputError(absurd(error.palm, " with unit m", cure), error.path) from None
     assumed = f"no times given: {_FPS:g} frames/s assumed"
     notes = (assumed, *sequence.notes)
     told = "; ".join(notes)

@@ -60,6 +60,29 @@ def _palms(joints: Array) -> Array:
     return np.asarray(np.nanmean(lengths, axis=1))
 
 
+class WrongUnit(InputError):
+    """A hand has no hand's size.
+
+    Attributes:
+        palm: its length, taken for `unit` [m].
+        fits: the unit in which it would have one; None where none of them.
+    """
+
+    def __init__(self, palm: float, unit: Unit, path: str | Path | None = None):
+        of_one = palm / METRES[unit]
+        fitting = (u for u, metres in METRES.items() if is_plausible(of_one * metres))
+        self.palm, self.unit, self.fits = palm, unit, next(fitting, None)
+        advice = (
+            f"--unit {self.fits} would fit"
+            if self.fits
+            else "none of m, cm, mm would fit (are these 3D positions in one unit of length?)"
+        )
+        super().__init__(absurd(palm, f" with unit {unit}", f"; {advice}"), path)
+
+    def __reduce__(self) -> tuple[type[WrongUnit], tuple[float, Unit, Path | None]]:
+        return type(self), (self.palm, self.unit, self.path)
+
+
 def check_sizes(hands: list[Array], units: list[Unit], path: Path) -> list[str | None]:
     """Check that the hands of one source, in metres if its unit was right, have a hand's size.
 
@@ -74,14 +97,13 @@ def check_sizes(hands: list[Array], units: list[Unit], path: Path) -> list[str |
         For each hand a note where it is unusually small or large, else None.
 
     Raises:
-        InputError: all that can be measured are absurdly large or small, with the unit that
-            would fit.
+        WrongUnit: all that can be measured are absurdly large or small.
     """
     palms = [palm_length(joints) for joints in hands]
     wrong = [is_absurd(palm) for palm in palms]
     if any(wrong) and not any(map(is_plausible, palms)):
         worst = wrong.index(True)
-        raise InputError(_advice(palms[worst], units[worst]), path)
+        raise WrongUnit(palms[worst], units[worst], path)
     notes: list[str | None] = []
     for palm in palms:
         usual = np.isnan(palm) or USUAL_PALM[0] <= palm <= USUAL_PALM[1]
@@ -112,13 +134,3 @@ def fitting_unit(joints: Array) -> Unit | None:
 def absurd(palm: float, taken: str, advice: str) -> str:
     """What is said of it: how long it would be, taken for what, and what to do."""
     return f"the hand would be {palm:.3g} m from wrist to knuckles{taken}{advice}"
-
-
-def _advice(palm: float, unit: Unit) -> str:
-    fits = [u for u in METRES if is_plausible(palm / METRES[unit] * METRES[u])]
-    advice = (
-        f"--unit {fits[0]} would fit"
-        if fits
-        else "none of m, cm, mm would fit (are these 3D positions in one unit of length?)"
-    )
-    return absurd(palm, f" with unit {unit}", f"; {advice}")

@@ -101,7 +101,7 @@ class KalmanFilter:
     def finish(self) -> Steadied:
         """The frames that are still to come; the filter is as new then."""
         self.reset()
-        return no_frames()
+        return none_final()
 
     def rest(self) -> Iterator[Steadied]:
         """As `finish`, some frames at a time."""
@@ -160,6 +160,6 @@ class DriftingFilter(KalmanFilter):
         )
 
 
-def no_frames() -> Steadied:
-    """None, as `advance` returns them."""
+def none_final() -> Steadied:
+    """What `advance` returns where no frame is final."""
     return np.empty(0, RESULT), np.empty(0, dtype=np.bool_)

@@ -1,8 +1,8 @@
-"""track(): a whole sequence, with the subject's hand found first."""
+"""The joints of a whole sequence tracked, with the subject's hand found first."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,6 @@ from handtrack.calibration.calibrate import calibrate
 from handtrack.calibration.explain import doubt, explain
 from handtrack.calibration.lasting import lasting_errors
 from handtrack.calibration.settings import CalibrationSettings
-from handtrack.deprecated import old_positions
 from handtrack.detectors.chosen import AUTO, seen_by, why
 from handtrack.detectors.profile import Profile
 from handtrack.errors import InputError
@@ -27,7 +26,7 @@ from handtrack.tracking.block import Block
 from handtrack.tracking.events import EventsOf, remark_events, with_remarks
 from handtrack.tracking.settings import TrackSettings
 from handtrack.tracking.track import LongTrack, Track
-from handtrack.tracking.tracker import OLD_ORDER, Tracker
+from handtrack.tracking.tracker import Tracker
 
 Array = NDArray[np.float64]
 
@@ -39,26 +38,23 @@ _LASTING = 12
 _EXPLAINED = 100
 
 
-@old_positions("calibrate", *OLD_ORDER, "progress", "on_part")
-def track(
+def track_joints(
     sequence: Sequence,
-    model: HandModel | None = None,
-    *,
-    settings: TrackSettings | Mapping[str, Any] | None = None,
+    model: HandModel | None,
+    settings: TrackSettings,
     progress: Callable[[int], None] | None = None,
     on_part: Callable[[Stretch], None] | None = None,
-    **options: Any,
 ) -> Track:
-    """Track the joints of a whole sequence.
+    """Track a whole sequence by its joints alone.
 
     Args:
-        sequence, model, settings, progress, on_part, options: as of `handtrack.track`, which fits
-            the pictures of a camera too where a sequence has them.
+        sequence, model, progress, on_part: as of `handtrack.track`, which fits the pictures of a
+            camera too where a sequence has them.
+        settings: how to track.
 
     Raises:
-        InputError, SettingsError: as it does.
+        InputError: as it does.
     """
-    chosen = TrackSettings.of(settings, options)
     if model is None:
         model = HandModel.default(sequence.hand)
     elif model.hand != sequence.hand:
@@ -66,18 +62,18 @@ def track(
             f"the model is a {model.hand} hand, the sequence a {sequence.hand} one",
             sequence.source or None,
         )
-    model, profile = seen_by(model, chosen.detector, sequence.detector)
+    model, profile = seen_by(model, settings.detector, sequence.detector)
     fitted = sequence.corrected(profile)
-    hand, found, notes, open_rest = _subject(model, fitted, chosen.calibration, profile)
-    if profile is not None and not chosen.lasting_deg:
-        chosen = chosen.but(**_lasting(hand, fitted, profile, open_rest))
-    tracker = Tracker(hand, settings=chosen, profile=profile)
+    hand, found, notes, open_rest = _subject(model, fitted, settings.calibration, profile)
+    if profile is not None and not settings.lasting_deg:
+        settings = settings.but(**_lasting(hand, fitted, profile, open_rest))
+    tracker = Tracker(hand, settings=settings, profile=profile)
     told = {
-        **chosen.to_dict(),
+        **settings.to_dict(),
         "calibration": found,
         "limits": model.limits.name,
         "model": model.name,
-        **_detector_said(chosen, profile),
+        **_detector_said(settings, profile),
         **_input_said(sequence),
     }
 

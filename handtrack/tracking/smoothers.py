@@ -14,7 +14,7 @@ from handtrack.kernels.kalman import LEAST_NOISE
 from handtrack.kernels.workspace import UNFITTED, unfitted
 from handtrack.tracking import process_noise
 from handtrack.tracking.filter_input import Frames, LongFrames
-from handtrack.tracking.kalman import DriftingFilter, KalmanFilter, Steadied, no_frames
+from handtrack.tracking.kalman import DriftingFilter, KalmanFilter, Steadied, none_final
 from handtrack.tracking.process_noise import N_POSE, lasting_share
 from handtrack.tracking.settings import TrackerSettings
 
@@ -101,11 +101,11 @@ class Smoother:
     def advance(self, frames: Frames) -> Steadied:
         """As `KalmanFilter.advance`; no frame is final."""
         self._inputs.append(frames)
-        return no_frames()
+        return none_final()
 
     def finish(self) -> Steadied:
         """As `KalmanFilter.finish`."""
-        parts = [no_frames(), *self.rest()]
+        parts = [none_final(), *self.rest()]
         if len(parts) == 2:
             return parts[1]
         out, known = (np.concatenate(x) for x in zip(*parts, strict=True))

@@ -20,7 +20,7 @@ from handtrack.hand.default import SHAPES
 from handtrack.hand.model import HandModel
 from handtrack.hand.reshape import without_landmarks
 from handtrack.hand.rotations import quaternion_to_matrix
-from handtrack.tracking.sequence_track import track
+from handtrack.tracking.sequence_track import track_joints
 from handtrack.tracking.settings import TrackSettings
 from handtrack.video.views import Views
 
@@ -135,14 +135,9 @@ def poses_of_joints(views: Views, model: HandModel, settings: TrackSettings) -> 
         model: calibrated on the points, with the landmarks that they are.
         settings: whose landmarks the points are, and the filter that steadies the angles.
     """
-    solid = track(
-        views.sequence(),
-        model,
-        filter=settings.filter.name,
-        lag=settings.filter.lag,
-        detector=settings.detector,
-        calibrate="none",
-    )
+    told = {"filter": settings.filter.name, "lag": settings.filter.lag, "calibrate": "none"}
+    told |= {"detector": settings.detector}
+    solid = track_joints(views.sequence(), model, TrackSettings.of(told))
     angles = np.array(solid.angles)
     roots = np.full((len(views), 12), np.nan)
     camera, turns = views.cameras[0], quaternion_to_matrix(solid.quaternion)

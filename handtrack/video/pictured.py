@@ -18,7 +18,7 @@ from handtrack.mcap.state import Stretch
 from handtrack.sequences.arrays import sequence_of
 from handtrack.sequences.picture import Picture
 from handtrack.sequences.sequence import Sequence
-from handtrack.tracking.sequence_track import track as track_joints
+from handtrack.tracking.sequence_track import track_joints
 from handtrack.tracking.settings import TrackSettings
 from handtrack.tracking.track import Track
 from handtrack.tracking.tracker import OLD_ORDER
@@ -57,6 +57,7 @@ def fitted(
     settings: TrackSettings,
     is_own: bool = False,
     ready: Callable[[], None] = lambda: None,
+    pictured: str | None = None,
 ) -> Fitted | None:
     """A hand's joints as one camera's joints and picture say it together.
 
@@ -67,6 +68,7 @@ def fitted(
         settings: how it is calibrated and steadied, and whose landmarks it has.
         is_own: the model is the subject's, of known size.
         ready: called when the hand is known.
+        pictured: whose landmarks the picture shows; by default the same detector's.
 
     Returns:
         None where the pictures do not show that hand.
@@ -84,7 +86,7 @@ def fitted(
     if not np.isfinite(views.points).any():
         return None
     method = settings.calibration.method
-    hand = hand_seen(views, model, method, settings.detector, is_own)
+    hand = hand_seen(views, model, method, settings.detector, is_own, pictured)
     ready()
     followed = follow(views, hand.model, hand.shown, settings)
     if _is_elsewhere(followed, views):
@@ -168,14 +170,14 @@ def track(
     sequence = sequence_of(sequence)
     picture = sequence.picture if chosen.picture else None
     if picture is None or (model is not None and model.hand != sequence.hand):
-        return track_joints(sequence, model, settings=chosen, progress=progress, on_part=on_part)
+        return track_joints(sequence, model, chosen, progress, on_part)
     default = HandModel.default(sequence.hand)
     is_own = model is not None and not model.licensed and model.size != default.size
     known = (lambda: None) if progress is None else partial(progress, 0)
     found = fitted(sequence, picture, model or default, chosen, is_own, known)
     if found is None:
         alone = replace(sequence, picture=None, notes=(*sequence.notes, ALONE))
-        return track_joints(alone, model, settings=chosen, progress=progress, on_part=on_part)
+        return track_joints(alone, model, chosen, progress, on_part)
     # what was followed are joint centres of a hand that is known
     chosen = chosen.but(calibrate="none", detector=AUTO)
     if chosen.fit.noise_mm is None:
@@ -185,6 +187,4 @@ def track(
         if frames and progress is not None:
             progress(frames)
 
-    return track_joints(
-        found.sequence, found.model, settings=chosen, progress=done, on_part=on_part
-    )
+    return track_joints(found.sequence, found.model, chosen, done, on_part)

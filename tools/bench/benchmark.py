@@ -37,9 +37,9 @@ from handtrack.kernels import frame_loop as frames
 from handtrack.kernels.workspace import FITTED, NEW
 from handtrack.recording.write import write_mcap
 from handtrack.sequences.sequence import Sequence
-from handtrack.tracking.sequence_track import track
 from handtrack.tracking.track import Track
 from handtrack.tracking.tracker import Tracker
+from handtrack.video.pictured import track
 from handtrack.viewer.rerun_log import log_rerun
 from tools.bench.noise_study import fitted, noisy_motion, noisy_poses, random_angles
 from tools.bench.peers import peers
