@@ -127,6 +127,8 @@ class Work:
             try:
                 with self.times.during("detecting" if item.unread else "reading"):
                     sequences = item.read(self.reading, self.silent)
+                    if self.repair and item.in_motion:
+                        sequences = ht.repair_identity(sequences)
             except HandtrackError as error:
                 if isinstance(error, NoHandError) and self.alone:
                     self._write_empty(job, item)
@@ -137,8 +139,6 @@ class Work:
                 bad = item.folder is None or not nothing
                 made.skipped.append(Skipped.of(item.source, error, bad))
                 continue
-            if self.repair and item.in_motion:
-                sequences = ht.repair_identity(sequences)
             found += sequences
         repairs = [f"{s.name}: {remark.text}" for s in found for remark in s.remarks]
         for repair in repairs if not self.quiet else ():

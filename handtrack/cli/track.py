@@ -128,7 +128,8 @@ def track(
             with times.during("drawing"):
                 draw(overlay, given.items[0].pictures, made.tracks, skin=overlay_skin)
             made.files.append(overlay)
-    made.notes += [f"{t.name}: {text}" for t in made.tracks if (text := _doubt(t))]
+    with times.during("measuring"):
+        made.notes += [f"{t.name}: {text}" for t in made.tracks if (text := _doubt(t))]
     _say(made, given, len(work), doing, as_json)
     show.wait(silent)
     return 1 if any(skip.bad for skip in made.skipped) else 0
@@ -178,11 +179,12 @@ def _say(made: Made, given: Given, count: int, doing: Work, as_json: bool) -> No
         return
     if doing.quiet:
         return
-    from handtrack.evaluation.report import print_table
+    with doing.times.during("printing"):
+        from handtrack.evaluation.report import print_table
 
-    print_table(report)
-    for made_track in made.tracks:
-        _say_calibration(made_track)
+        print_table(report)
+        for made_track in made.tracks:
+            _say_calibration(made_track)
     for skip in skips[:MOST_SKIPPED]:
         click.echo(f"skipped {skip}", err=True)
     if len(skips) > MOST_SKIPPED:

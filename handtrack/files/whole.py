@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import re
 import threading
 import time
 from collections.abc import Iterator
@@ -72,8 +73,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         take_name(part, path, before)
     except OSError as error:
         complete = False
-        reason = error.strerror or str(error)
-        raise HandtrackError(f"{path}: cannot be written: {reason}") from error
+        raise HandtrackError(f"{path}: cannot be written: {_why(error)}") from error
     finally:
         if not complete:
             # where nothing can be written there is nothing to remove
@@ -169,5 +169,12 @@ def _opened(path: Path) -> tuple[Path, IO[bytes]]:
         except FileExistsError:
             number += 1
         except OSError as error:
-            reason = error.strerror or str(error)
-            raise HandtrackError(f"{path}: cannot be written: {reason}") from error
+            raise HandtrackError(f"{path}: cannot be written: {_why(error)}") from error
+
+
+def _why(error: OSError) -> str:
+    """In the system's words; some libraries put their own about them."""
+    inside = re.search(r"\[errno (\d+)\]", str(error), re.IGNORECASE)
+    if inside and not error.strerror:
+        return os.strerror(int(inside[1]))
+    return error.strerror or str(error)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
@@ -179,13 +179,24 @@ class Hands:
             raise InputError(f"not a recording of handtrack, it has {topics}{about}", walk.path)
         if METADATA not in walk.metadata:
             raise InputError(f"the metadata record {METADATA!r} is missing", walk.path)
-        version = walk.metadata[METADATA].get("format_version")
-        known = [str(number) for number in VERSIONS]
-        if version not in known:
-            raise InputError(
-                f"format version {shown(version)}, this handtrack reads {' and '.join(known)}",
-                walk.path,
-            )
+        check_version(walk.metadata[METADATA], walk.path)
+
+
+def check_version(about: Mapping[str, str], path: Path) -> None:
+    """Whether a recording whose metadata is that can be read.
+
+    Raises:
+        InputError: it is of another format version.
+    """
+    version = about.get("format_version")
+    known = [str(number) for number in VERSIONS]
+    if version in known:
+        return
+    reason = f"format version {shown(version)}, this handtrack reads {' and '.join(known)}"
+    if version and version.isdecimal() and int(version) > max(VERSIONS):
+        by = about.get("version")
+        reason += f": a later handtrack wrote it{f', {shown(by)}' if by else ''}; install that one"
+    raise InputError(reason, path)
 
 
 def listed(topics: Iterable[str]) -> str:

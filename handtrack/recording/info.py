@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from handtrack.errors import InputError, shown
-from handtrack.mcap.hands import METADATA, Hands, listed
+from handtrack.mcap.hands import METADATA, Hands, check_version, listed
 from handtrack.mcap.index import McapIndex, read_index
 from handtrack.mcap.walk import Walk
 from handtrack.recording.summary import SUMMARY, HandSummary, read_summary
@@ -42,6 +42,7 @@ def info(path: str | Path) -> dict[str, Any]:
         if METADATA not in index.metadata:
             topics = listed(c.topic for c in index.channels.values())
             raise InputError(f"not a recording of handtrack, it has {topics}", path)
+        check_version(index.metadata[METADATA], path)
         if SUMMARY in index.metadata:
             try:
                 return _of_index(index, read_summary(index.metadata))

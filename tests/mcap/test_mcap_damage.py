@@ -190,8 +190,15 @@ def test_a_recording_of_something_else(tmp_path: Path) -> None:
 
 def test_a_later_format(tmp_path: Path) -> None:
     path = _file(tmp_path / "x.mcap", lambda w: w.metadata("handtrack", {"format_version": "7"}))
-    with pytest.raises(InputError, match="format version 7, this handtrack reads 1 and 2"):
+    with pytest.raises(InputError, match="format version 7, this handtrack reads 1 and 2: a later"):
         read_mcap(path)
+
+
+def test_information_of_a_later_format_is_refused_as_its_tracks_are(tmp_path: Path) -> None:
+    about = {"format_version": "3", "version": "0.9"}
+    path = _file(tmp_path / "x.mcap", lambda w: w.metadata("handtrack", about))
+    with pytest.raises(InputError, match=r"a later handtrack wrote it, 0\.9; install that one$"):
+        info(path)
 
 
 def test_the_metadata_is_missing(tmp_path: Path) -> None:
