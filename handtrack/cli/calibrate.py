@@ -104,6 +104,9 @@ def calibrate(
         if doubtful is not None:
             one = "; or are the clips of different people?" if len(sequences) > 1 else ""
             notes = [*notes, doubtful + one]
+        bound = found["bound_mean_mm"]
+        if isinstance(bound, float) and bound < _RIGID_MM:
+            notes = [*notes, _OF_A_FIT]
     from handtrack import __version__
     from handtrack.hand.hand_file import save_hand
 
@@ -123,6 +126,13 @@ def calibrate(
             click.echo(f"warning: {note}", err=True)
         _say(hand, found, sequences)
         click.echo(f"-> {output}")
+
+
+_RIGID_MM = 0.01
+_OF_A_FIT = (
+    "the joints are those of a rigid hand without noise, as where a hand was fitted to pictures"
+    " before: the result is that hand, and the residual says nothing about a detector"
+)
 
 
 def _check_one_subject(sequences: list[Sequence]) -> None:

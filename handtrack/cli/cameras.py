@@ -54,8 +54,8 @@ class Lens:
         return any(said is not None for said in vars(self).values())
 
     def is_of(self, inputs: tuple[Path, ...], reading: Reading) -> bool:
-        """Whether it is of one camera, that saw joints and their pictures: inputs as they are read
-        without a lens.
+        """Whether it is of the one camera that saw joints and their pictures: inputs as they are
+        read without a lens.
 
         Raises:
             InputError: the calibration or an input cannot be read.

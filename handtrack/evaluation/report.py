@@ -31,6 +31,21 @@ _NAME = 20
 """Longer names may be folded."""
 
 
+_ERRORS = (
+    "Errors in mm (mean ± std over frames): PA-MPJPE after similarity alignment of each frame,"
+    " MPJPE without. "
+)
+_MOTION = (
+    "Jitter in m/s³ and acceleration in m/s²: output (input). Shakes: what parabolas through 11"
+    " frames do not follow, of the palm and of the fingers' bends."
+)
+
+
+def _units(rows: list[Stability]) -> str:
+    """What stands in the columns, errors only where there are any."""
+    return (_ERRORS if any(row.against != "nothing" for row in rows) else "") + _MOTION
+
+
 def to_json(report: StabilityReport | Comparison) -> str:
     """The report as one JSON object; what is not known is null.
 
@@ -86,12 +101,7 @@ def print_table(report: StabilityReport, console: Console | None = None) -> None
         console.print(MEANING[against], style="dim")
     if any(r.input_pa_mpjpe_mm for r in rows):
         console.print("Input: the error of the observed joints to the same truth.", style="dim")
-    console.print(
-        "Errors in mm (mean ± std over frames): PA-MPJPE after similarity alignment of each frame,"
-        " MPJPE without. Jitter in m/s³ and acceleration in m/s²: output (input). Shakes: what"
-        " parabolas through 11 frames do not follow, of the palm and of the fingers' bends.",
-        style="dim",
-    )
+    console.print(_units(rows), style="dim")
     sure = _sure(report.overall)
     if sure:
         console.print(sure, style="dim")

@@ -245,7 +245,7 @@ def _check_belongs(image: Array, cameras: Items[Camera], detections: Items[Detec
         median = float(np.median(np.where(np.isfinite(error), error, np.inf)))
         if median > ABSURD_PX:
             raise InputError(
-                f"the calibration does not belong to these videos: by cameras {cameras[a].name}"
+                f"the calibration does not belong to these views: by cameras {cameras[a].name}"
                 f" and {cameras[b].name} the same joints are {median:.0f} px apart",
                 detections[b].source,
             )

@@ -106,3 +106,12 @@ def test_the_hand_of_the_other_side_is_refused(clips, tmp_path, capsys):
     out = str(tmp_path / "a.mcap")
     assert run(["track", str(clips / "a.npz"), "--hand-model", hand, "-o", out]) == 2
     assert "is a left hand, the sequence is of the right one" in capsys.readouterr().err
+
+
+def test_joints_of_a_hand_that_was_fitted_are_told(tmp_path, capsys):
+    model = ht.HandModel.default("right")
+    angles = np.linspace(0.2, 0.8, 40)[:, None] * model.limits.upper
+    joints = np.stack([model.joints(a, np.eye(3), [0.0, 0.0, 0.5]) for a in angles])
+    np.savez(tmp_path / "a.npz", joints_m=joints, fps=30.0, hand="right")
+    assert run(["calibrate", str(tmp_path / "a.npz"), "-o", str(tmp_path / "hand.json")]) == 0
+    assert "the joints are those of a rigid hand without noise" in capsys.readouterr().err

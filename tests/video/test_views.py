@@ -100,7 +100,7 @@ def test_what_does_not_belong_together_is_refused(joints):
             cameras,
             r"cam1\.mp4: the pictures are 640 x 480, camera cam1 was calibrated for 1280 x 720",
         ),
-        (found, [cameras[0], moved], "does not belong to these videos"),
+        (found, [cameras[0], moved], "does not belong to these views"),
     ):
         with pytest.raises(InputError, match=says):
             views_of(detections, cams)
