@@ -13,8 +13,11 @@ from handtrack.errors import InputError
 
 Array = NDArray[np.float64]
 
-INLIER_PX = 15.0
+INLIER_PX = 30.0
 """A view farther off than this does not see the point that the others see."""
+CAUCHY_PX = 12.0
+"""From about here on a view that is farther off pulls less, not more."""
+_STEPS, _ENOUGH = 20, 1e-9
 
 
 def triangulate(
@@ -22,18 +25,21 @@ def triangulate(
     pixels: ArrayLike,
     weights: ArrayLike | None = None,
     inlier_px: float = INLIER_PX,
+    cauchy_px: float = CAUCHY_PX,
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Points seen by several cameras, robust to single bad views.
 
     Of each pair of views the linear solution (Hartley and Sturm's DLT on undistorted rays) is
-    tried; the pair that most views agree with (then the one with the least error) wins, and
-    the point is solved again from all views that agree.
+    tried; the pair that most views agree with (then the one with the least error) wins. All
+    views that agree then share the point, by the least of their reprojection errors under
+    Cauchy's loss: detectors err by many pixels for many frames, mostly in one view at a time.
 
     Args:
         cameras: C of them.
         pixels: (C, ..., 2) [px]; NaN = not seen.
         weights: (C, ...) of the views; 0 = not used.
         inlier_px: how far from the picture's point a view may be [px].
+        cauchy_px: scale of the loss [px]; inf for the linear solution of those views.
 
     Returns:
         points (..., 3) [m], NaN where fewer than two views agree; and (C, ...) which views do.
@@ -71,7 +77,10 @@ def triangulate(
         agree[:, better] = inlier[:, better]
     there = agree.any(0)
     if there.any():
-        points[there] = _linear(cameras, rays[:, there], np.where(agree, w, 0.0)[:, there])
+        agreed = np.where(agree, w, 0.0)[:, there]
+        points[there] = _linear(cameras, rays[:, there], agreed)
+        if np.isfinite(cauchy_px):
+            points[there] = _shared(cameras, points[there], rays[:, there], agreed, cauchy_px)
     shape = p.shape[1:-1]
     return points.reshape(*shape, 3), agree.reshape(len(p), *shape)
 
@@ -88,6 +97,50 @@ def _linear(cameras: Sequence[Camera], rays: Array, w: Array) -> Array:
             b += (weight * right)[:, None] * row
     # parallel rays leave the depth open: the least-norm solution, which no view will agree with
     return np.asarray((np.linalg.pinv(a) @ b[..., None])[..., 0])
+
+
+def _shared(
+    cameras: Sequence[Camera], points: Array, rays: Array, w: Array, cauchy_px: float
+) -> Array:
+    """(n, 3): the least w * loss of the undistorted reprojection errors, by Gauss and Newton with
+    weights that follow the errors; a step that makes a point worse is not taken."""
+    best, found = _loss(cameras, points, rays, w, cauchy_px)
+    points = points.copy()
+    moving = np.isfinite(best)
+    for _ in range(_STEPS):
+        if not moving.any():
+            break
+        normal, right = (x[moving] for x in found)
+        tried = points.copy()
+        # a depth that parallel rays leave open stays where it is
+        tried[moving] -= (np.linalg.pinv(normal, hermitian=True) @ right[..., None])[..., 0]
+        loss, found = _loss(cameras, tried, rays, w, cauchy_px)
+        moving &= loss < (1.0 - _ENOUGH) * best
+        points[moving], best = tried[moving], np.where(moving, loss, best)
+    return points
+
+
+def _loss(
+    cameras: Sequence[Camera], points: Array, rays: Array, w: Array, cauchy_px: float
+) -> tuple[Array, tuple[Array, Array]]:
+    """(n,) losses over cauchy_px^2, inf behind a camera that counts; (n, 3, 3) normal matrices
+    and (n, 3) gradients."""
+    total, normal, gradient = np.zeros(len(points)), np.zeros((len(points), 3, 3)), points * 0.0
+    for camera, ray, weight in zip(cameras, rays, w, strict=True):
+        use = weight > 0
+        own = points[use] @ camera.rotation.T + camera.translation
+        depth = own[:, 2:]
+        lens = camera.matrix[:2, :2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            off = (own[:, :2] / depth - ray[use]) @ lens.T
+            slopes = camera.rotation[:2] - (own[:, :2] / depth)[..., None] * camera.rotation[2]
+            slopes = lens @ slopes / depth[..., None]
+        squares = (off**2).sum(-1) / cauchy_px**2
+        pull = weight[use] / (1.0 + squares)
+        total[use] += np.where(depth[:, 0] > 0, weight[use] * np.log1p(squares), np.inf)
+        normal[use] += np.einsum("n,nik,nil->nkl", pull, slopes, slopes)
+        gradient[use] += np.einsum("n,nik,ni->nk", pull, slopes, off)
+    return np.where(np.isfinite(total), total, np.inf), (normal, gradient)
 
 
 def _errors(cameras: Sequence[Camera], points: Array, pixels: Array) -> Array:

@@ -234,7 +234,7 @@ def _check_belongs(image: Array, cameras: Items[Camera], detections: Items[Detec
         if both.sum() < N_JOINTS:
             continue
         seen = pair.transpose(1, 0, 2, 3)[:, both]
-        points, _ = triangulate([cameras[a], cameras[b]], seen, inlier_px=np.inf)
+        points, _ = triangulate([cameras[a], cameras[b]], seen, inlier_px=np.inf, cauchy_px=np.inf)
         error = np.stack(
             [
                 np.linalg.norm(cameras[c].project(points) - seen[i], axis=-1)

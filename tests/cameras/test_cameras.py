@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from rigs import LENS, rig
+from scipy.optimize import minimize
 
 from handtrack.cameras.camera import Camera
 from handtrack.cameras.formats import load_cameras
-from handtrack.cameras.triangulate import triangulate
+from handtrack.cameras.triangulate import CAUCHY_PX, triangulate
 from handtrack.errors import InputError
 from handtrack.hand.rotations import matrix_to_vector
 
@@ -175,6 +177,28 @@ def test_an_inconsistent_camera_is_refused():
     ):
         with pytest.raises(InputError, match=says):
             Camera("c", **{**good, **change})
+
+
+def test_a_point_is_shared_by_views_under_cauchys_loss():
+    """Against scipy; a view that errs by less than what leaves it out pulls little."""
+    rng = np.random.default_rng(4)
+    cameras = [replace(c, distortion=np.zeros(0)) for c in rig(4)]
+    points = rng.uniform(-0.1, 0.1, (12, 3))
+    pixels = np.stack([c.project(points) for c in cameras]) + rng.normal(0, 1.0, (4, 12, 2))
+    pixels[2] += (18.0, 12.0)
+    found, agree = triangulate(cameras, pixels)
+    assert agree.all()
+    plain, _ = triangulate(cameras, pixels, cauchy_px=np.inf)
+    for i, point in enumerate(found):
+
+        def loss(x: np.ndarray, i: int = i) -> float:
+            off = np.array([c.project(x) - p[i] for c, p in zip(cameras, pixels, strict=True)])
+            return float(np.log1p((off**2).sum(-1) / CAUCHY_PX**2).sum())
+
+        best = minimize(loss, points[i], method="Nelder-Mead", tol=1e-10).x
+        assert np.abs(point - best).max() < 1e-5
+    error, plainly = (np.linalg.norm(x - points, axis=-1).mean() for x in (found, plain))
+    assert error < 0.8 * plainly
 
 
 def test_triangulation_finds_points_and_leaves_bad_views_out():

@@ -152,7 +152,8 @@ def test_the_clips_that_ship(split):
         assert np.abs(joints - clip.truth_joints).max() < 1e-4
     clip = clips[0]
     seen = np.stack([clip.seen(c) for c in range(3)])[..., None, None]
-    again, _ = triangulate(clip.cameras, np.where(seen, clip.image, np.nan))
+    pixels = np.where(seen, clip.image, np.nan)
+    again, _ = triangulate(clip.cameras, pixels, inlier_px=layout.RAW_INLIER_PX, cauchy_px=np.inf)
     assert np.nanmedian(np.linalg.norm(again - clip.joints, axis=-1)) < 2e-4
 
 

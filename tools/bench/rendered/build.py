@@ -142,7 +142,8 @@ def make(plan: Plan, raster: Raster, detector: MakeDetector, cameras: int = CAME
     truth = model.joints(movement.angles, movement.rotation, movement.translation)
     quaternion = np.roll(Rotation.from_matrix(movement.rotation).as_quat(), 1, axis=1)
     right = found.label == layout.LABELS.index(person.hand)
-    joints, _ = triangulate(rigged, np.where(right[..., None, None], found.image, np.nan))
+    seen = np.where(right[..., None, None], found.image, np.nan)
+    joints, _ = triangulate(rigged, seen, inlier_px=layout.RAW_INLIER_PX, cauchy_px=np.inf)
     return layout.Clip(
         name=plan.name,
         hand=person.hand,

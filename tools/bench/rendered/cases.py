@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import handtrack as ht
+from handtrack.cameras.triangulate import triangulate
 from handtrack.errors import SettingsError
 from tools.bench.rendered.layout import Array, Clip
 
@@ -22,11 +23,14 @@ class Case:
     Attributes:
         clip: with the truth.
         input: which kind.
-        joints: (T, 21, 3) as detected [m]; of one camera about the hand's middle.
+        joints: (T, 21, 3) as handtrack has them [m]; of one camera about the hand's middle, of
+            several triangulated as today.
         angles: (T, 20) true angles of today's default hand [rad], or None.
         model: the true hand, or None where it is not known.
         remark: what was done to the truth, one line, or "".
         camera: which one, of one camera.
+        stored: (T, 21, 3) triangulated by the linear solution of the views within 15 px, as clips
+            were made with; None of other inputs.
     """
 
     clip: Clip
@@ -36,6 +40,12 @@ class Case:
     model: ht.HandModel | None
     remark: str
     camera: int = 0
+    stored: Array | None = None
+
+    @property
+    def raw(self) -> Array:
+        """(T, 21, 3): what estimates are compared with, the same in all versions."""
+        return self.joints if self.stored is None else self.stored
 
     @property
     def sequence(self) -> ht.Sequence:
@@ -63,18 +73,26 @@ def cases(clip: Clip, camera: int = 0) -> list[Case]:
     """
     if clip.world is not None and not 0 <= camera < len(clip.world):
         raise SettingsError(f"{clip.name} has {len(clip.world)} cameras, there is no {camera}")
-    given: list[tuple[str, Array]] = []
+    given: list[tuple[str, Array, Array | None]] = []
     if clip.world is not None:
         seen = clip.seen(camera)[:, None, None]
-        given.append((ONE_CAMERA, np.where(seen, clip.world[camera], np.nan)))
-    if clip.joints is not None:
-        given.append((TRIANGULATED if clip.cameras else GIVEN, clip.joints))
+        given.append((ONE_CAMERA, np.where(seen, clip.world[camera], np.nan), None))
+    if clip.joints is not None and clip.cameras and clip.image is not None:
+        given.append((TRIANGULATED, _triangulated(clip, clip.image), clip.joints))
+    elif clip.joints is not None:
+        given.append((TRIANGULATED if clip.cameras else GIVEN, clip.joints, None))
     angles, model, remark = _true_hand(clip)
     return [
-        Case(clip, name, joints, angles, model, remark, camera)
-        for name, joints in given
+        Case(clip, name, joints, angles, model, remark, camera, stored)
+        for name, joints, stored in given
         if np.isfinite(joints).all(-1).any(-1).mean() >= LEAST_SEEN
     ]
+
+
+def _triangulated(clip: Clip, image: Array) -> Array:
+    """(T, 21, 3): as handtrack triangulates what the clip's cameras saw of its hand."""
+    seen = np.stack([clip.seen(c) for c in range(len(image))])[..., None, None]
+    return triangulate(clip.cameras, np.where(seen, image, np.nan))[0]
 
 
 def _true_hand(clip: Clip) -> tuple[Array | None, ht.HandModel | None, str]:

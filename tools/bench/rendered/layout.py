@@ -9,7 +9,7 @@ C cameras; joints in handtrack's order; metres, radians, pixels, nanoseconds.
 | `name`, `subject`, `hand`, `detector`, `motion` | text | of the clip; hand is left or right |
 | `time_ns` | (T,) int64 | when |
 | `truth_joints` | (T, 21, 3) | true joint centres in the world |
-| `joints` | (T, 21, 3) | detected in 3D in the world: triangulated, or a 3D detector's own |
+| `joints` | (T, 21, 3) | detected in 3D in the world: plainly triangulated, or a 3D detector's |
 | `image` | (C, T, 21, 2) | detected in each picture [px] |
 | `world` | (C, T, 21, 3) | detected about the hand's middle, camera's axes (x right, y down) |
 | `score` | (C, T) | of the detection; missing: nothing was found |
@@ -55,6 +55,8 @@ UNITS: dict[str, tuple[float, type[np.signedinteger[Any]]]] = {
 }
 """How numbers are kept in few bytes: 4 um, 61 um, 0.06 px, 31 um, 0.004, 0.0035 degrees."""
 TEXTS = ("name", "hand", "subject", "detector", "motion")
+RAW_INLIER_PX = 15.0
+"""How near views had to be for the `joints` of the clips that ship, by the linear solution."""
 NEEDED = ("hand", "time_ns", "truth_joints")
 
 

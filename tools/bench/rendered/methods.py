@@ -37,7 +37,14 @@ RAW = "raw"
 
 
 def raw(case: Case) -> Estimate:
-    """The detections as they are."""
+    """The detections as they are; of several cameras triangulated as clips were made with."""
+    return Estimate(case.raw, None)
+
+
+def triangulated(case: Case) -> Estimate:
+    """What methods are given of several cameras: as handtrack triangulates today."""
+    if case.stored is None:
+        return Estimate(np.full_like(case.joints, np.nan), None, "not of several cameras")
     return Estimate(case.joints, None)
 
 
@@ -185,7 +192,8 @@ def standard(
         shipped: use the profiles that ship instead.
         others: more to learn profiles from.
     """
-    rows: dict[str, Method] = {RAW: raw, "savitzky-golay, oracle": best_savgol}
+    rows: dict[str, Method] = {RAW: raw, "triangulated anew": triangulated}
+    rows["savitzky-golay, oracle"] = best_savgol
     tracking = Tracking()
     rows["fit, calibrated"] = tracking.calibrated()
     rows["fit, template"] = template()
