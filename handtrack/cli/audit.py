@@ -80,7 +80,7 @@ def audit(
 def _sequences(data: tuple[Path, ...], reading: Reading, quiet: bool) -> list[Sequence]:
     from dataclasses import replace
 
-    from handtrack.sequences.load import unique_names
+    from handtrack.sequences.unique import unique_names
 
     found: list[Sequence] = []
     for path in data:

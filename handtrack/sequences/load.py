@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from os import PathLike, sep
@@ -21,14 +20,16 @@ from handtrack.sequences.assemble import (
 )
 from handtrack.sequences.clips import clips_of
 from handtrack.sequences.hands import CHOICES, HandChoice, label_hands
+from handtrack.sequences.readers import packed
 from handtrack.sequences.readers.chosen import read_chosen
 from handtrack.sequences.readers.companions import Companions, Pending, check_taken, resolved
-from handtrack.sequences.readers.folder import Source, sources
+from handtrack.sequences.readers.folder import Source, is_ignored, sources
 from handtrack.sequences.readers.mano_params import decoded
 from handtrack.sequences.readers.raw import NoFramesError, NotJointsError, Raw
 from handtrack.sequences.readers.recognise import check_format, read_file
 from handtrack.sequences.sequence import Sequence
 from handtrack.sequences.size import check_sizes
+from handtrack.sequences.unique import unique_names
 from handtrack.sequences.world_check import world_doubts
 
 
@@ -134,6 +135,8 @@ def load(
             if key is not None or columns is not None:
                 raise SettingsError(f"{where} is a folder: --key and --columns are for a file")
             found = _from_folder(where, lambda s: made(s.read(frames, format)), passed_over)
+        elif key is None and columns is None and packed.holds_files(where):
+            found = _from_zip(where, lambda s: made(s.read(frames, format)), passed_over)
         else:
             chosen = key is not None or columns is not None
             raws = read_chosen(where, key, columns) if chosen else read_file(where, frames, format)
@@ -311,25 +314,28 @@ def _from_folder(
     return unique_names(sequences)
 
 
+def _from_zip(
+    path: Path, read: Callable[[Source], list[Sequence]], told: list[PassedOver] | None
+) -> list[Sequence]:
+    """The sequences of the files in a .zip; what is said of them names the archive."""
+    with packed.as_folder(path, lambda name: not is_ignored(name)) as folder:
+        inside = str(folder)
+        try:
+            found = _from_folder(folder, read, told)
+        except InputError as error:
+            said = str(error).replace(inside, str(path)).removeprefix(f"{path}: ")
+            raise type(error)(said, path) from None
+        return [
+            replace(
+                s,
+                source=s.source.replace(inside, str(path)),
+                notes=tuple(n.replace(inside, str(path)) for n in s.notes),
+            )
+            for s in found
+        ]
+
+
 def _listed(passed_over: list[str], folder: Path) -> str:
     first = passed_over[0].removeprefix(f"{folder}{sep}")
     more = len(passed_over) - 1
     return f"{first}; and {more} more" if more else first
-
-
-def unique_names(sequences: list[Sequence]) -> list[Sequence]:
-    """The same, with the folder's name in front of names that several have, or else a number."""
-    count = Counter(s.name for s in sequences)
-    named = [
-        replace(s, name=f"{Path(s.source).resolve().parent.name} {s.name}")
-        if count[s.name] > 1
-        else s
-        for s in sequences
-    ]
-    count = Counter(s.name for s in named)
-    number: Counter[str] = Counter()
-    for i, sequence in enumerate(named):
-        if count[sequence.name] > 1:
-            number[sequence.name] += 1
-            named[i] = replace(sequence, name=f"{sequence.name} {number[sequence.name]}")
-    return named

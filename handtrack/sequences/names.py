@@ -3,7 +3,7 @@
 Names are compared as words, whatever their case and style: "indexFingerKnuckle",
 "INDEX_FINGER_MCP", "b_l_index1", "XR_HAND_JOINT_INDEX_PROXIMAL_EXT" and "Left Hand Index Tip.x".
 A joint's name alone does not always say which joint it is (thumb_proximal is the second joint
-where there is a metacarpal too, index1 the first or the second): `settle` decides over all
+where there is a metacarpal too, index1 the first or the second): `settled` decides over all
 names of a hand.
 
 Sources: MediaPipe hand landmarks; WebXR Hand Input; OpenXR XR_EXT_hand_tracking; Unity XR Hands
@@ -15,7 +15,6 @@ Xsens; SMPL-X.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
@@ -27,7 +26,7 @@ TimeUnit = Literal["s", "ms", "us", "ns"]
 KEPT = 4096
 """So many names are remembered."""
 UNUSED = -1
-"""`settle`'s answer for a joint that is known and is none of the 21: palm, forearm."""
+"""`settled.settle`'s answer for a joint that is known and is none of the 21: palm, forearm."""
 
 METACARPAL, PROXIMAL, INTERMEDIATE, DISTAL, TIP = range(5)
 """Where a joint lies in its finger: the beginning of that bone."""
@@ -134,6 +133,9 @@ ROW_TITLES = {"", "unnamed: 0", "index", "row", "id", "#", "no", "nr", "unnamed:
 
 _WORD = re.compile(r"[A-Z]{2,}(?=[xyz](?![a-z]))|[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 _3D = re.compile(r"(?<![0-9])3[dD](?![a-z])")
+_STEP = re.compile(r"[/|]")
+"""Between the steps of a path in a scene, whose last names the joint."""
+_MOST_WORDS = 100
 _VOCABULARY = {
     *(*FINGER, *PART, *WRIST, *EXTRA, "left", "right"),
     *("hand", "finger", "joint", "phalanx", "landmark", "keypoint", "time", "stamp", "frame"),
@@ -144,11 +146,28 @@ _VOCABULARY = {
 @lru_cache(KEPT)
 def words(name: str) -> tuple[str, ...]:
     """A name's words and numbers in lower case: "LeftHandIndex1.x" -> left, hand, index, 1, x."""
-    text = _3D.sub("", name[:200].replace("µ", "u").replace("μ", "u"))
-    out: list[str] = []
-    for part in _WORD.findall(text):
-        out += _split(part.lower())
-    return tuple(out)
+    text = _3D.sub("", name[:400].replace("µ", "u").replace("μ", "u"))
+    steps = [_plain_words(step) for step in _STEP.split(text)]
+    for n in range(1, len(steps)):
+        last = [word for step in steps[-n:] for word in step]
+        if _is_joint_at_end(last):
+            above = (without_hand(tuple(step))[0] for step in reversed(steps[:-n]))
+            side = next((s for s in above if s is not None), None)
+            own = without_hand(tuple(last))[0]
+            return tuple([side, *last] if side is not None and own is None else last)
+    return tuple(word for step in steps for word in step)[:_MOST_WORDS]
+
+
+def _plain_words(text: str) -> list[str]:
+    return [word for part in _WORD.findall(text[:200]) for word in _split(part.lower())]
+
+
+def _is_joint_at_end(last: list[str]) -> bool:
+    """Whether the last steps of a path ("Hand_R/Index1/Index2") name a joint by themselves."""
+    finger = any(w in FINGER for w in last)
+    whose = sum(w in PART or w.isdigit() for w in last) > (last.count("middle") + last.count("mid"))
+    hand = "hand" in last and all(w in NOISE or w in SIDES or w in AXES for w in last)
+    return (finger and whose) or hand or any(w in WRIST for w in last)
 
 
 def _split(word: str) -> list[str]:
@@ -283,54 +302,6 @@ def without_hand(given: tuple[str, ...]) -> tuple[Hand | None, list[str]]:
     if len(sides) != 1:
         return None, list(given)
     return sides.pop(), [w for w in given if w not in SIDES]
-
-
-def settle(names: Iterable[JointName]) -> list[int | None]:
-    """Which of our joints each name of one hand is; UNUSED: none of the 21, None: cannot tell.
-
-    Joints that have only a number in the hand are for their reader.
-    """
-    given = list(names)
-    wrist = any(n.finger is None and n.number is None and not n.extra and not n.weak for n in given)
-    tips = any(n.part == TIP for n in given)
-    numbers = {n.number for n in given if n.finger is not None and n.number is not None}
-    thumb = {n.part for n in given if n.finger == 0 and n.part is not None and not n.extra}
-    out: list[int | None] = []
-    for n in given:
-        if n.extra or (n.weak and wrist):
-            out.append(UNUSED)
-        elif n.finger is None:
-            out.append(None if n.number is not None else 0)
-        else:
-            slot: int | None
-            if n.number is not None:
-                slot = _slot_of_number(n.number, {x for x in numbers if x is not None}, tips)
-            elif n.finger == 0 and n.part is not None:
-                slot = _slot_of_thumb(n.part, {p for p in thumb if p is not None})
-            else:
-                slot = n.part
-            out.append(UNUSED if slot == 0 else None if slot is None else 4 * n.finger + slot)
-    return out
-
-
-def _slot_of_number(number: int, numbers: set[int], tips: bool) -> int | None:
-    """1..4 in the finger (0: a metacarpal's base): the last number is the tip, or before it."""
-    last = max(numbers)
-    # fingers of three joints and no tip, as MANO's, begin at 1 or 0
-    end = 3 if tips or len(numbers) == 3 else 4
-    slot = number - last + end
-    return slot if 0 <= slot <= 4 else None
-
-
-def _slot_of_thumb(part: int, parts: set[int]) -> int:
-    """The thumb has one bone less: whose names its joints borrow differs."""
-    if INTERMEDIATE in parts and DISTAL in parts:
-        return part  # five names (Leap's metacarpal has no length), or MCP, PIP, DIP and tip
-    if part in (TIP, DISTAL):
-        return part
-    if part == INTERMEDIATE:  # IP, where nothing else is it
-        return DISTAL
-    return part + 1
 
 
 _ABOUT_SIDE = {"hand", "hands", "type", "side", "chirality", "handedness", "xr", "ext"}

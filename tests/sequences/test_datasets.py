@@ -10,7 +10,8 @@ import pytest
 import handtrack as ht
 from handtrack.errors import InputError, SettingsError
 from handtrack.hand.skeleton import ORDERS
-from handtrack.sequences.names import joint_name, settle, words
+from handtrack.sequences.names import joint_name, words
+from handtrack.sequences.settled import settle
 
 
 def scattered(joints, order, n):

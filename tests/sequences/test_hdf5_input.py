@@ -12,6 +12,8 @@ h5py = pytest.importorskip("h5py", reason="the extra `formats` is not installed"
 
 from hdf5_files import write_egodex, write_emg2pose, write_profile  # noqa: E402
 
+from handtrack.sequences.readers.hdf5_arrays import said  # noqa: E402
+
 
 def test_egodex_has_both_hands(tmp_path, left, right):
     path = write_egodex(tmp_path / "42.hdf5", {"left": left, "right": right})
@@ -202,3 +204,16 @@ def test_lists_of_texts_are_as_long_as_the_file(tmp_path, right, packed):
     data = path.read_bytes()
     path.write_bytes(data[:at] + (2_000_000_000).to_bytes(4, "little") + data[at + 4 :])
     assert "hand tells of 2000000" in one_line(path)
+
+
+def test_a_heap_of_texts_with_an_object_of_no_length_is_refused(tmp_path):
+    path = tmp_path / "a.hdf5"
+    with h5py.File(path, "w") as file:
+        file.attrs["side"] = "right"
+    data = bytearray(path.read_bytes())
+    at = data.index(b"GCOL") + 16  # its first object's number, count and size
+    assert data[at : at + 2] == b"\1\0"
+    data[at : at + 16] = bytes(16)
+    path.write_bytes(data)
+    with h5py.File(path) as file, pytest.raises(InputError, match="heap of texts"):
+        said(file, "side", path)

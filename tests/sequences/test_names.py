@@ -3,7 +3,8 @@
 import pytest
 
 from handtrack.hand.skeleton import JOINT_NAMES
-from handtrack.sequences.names import UNUSED, joint_name, settle, words
+from handtrack.sequences.names import UNUSED, joint_name, words
+from handtrack.sequences.settled import settle
 from handtrack.sequences.titles import (
     column,
     is_frame_number,

@@ -22,11 +22,12 @@ import numpy as np
 from handtrack.errors import InputError, shown
 from handtrack.hand.rotations import about_axis
 from handtrack.hand.skeleton import N_JOINTS, TIPS, Hand
-from handtrack.sequences.names import UNUSED, JointName, joint_name, settle, words
+from handtrack.sequences.names import UNUSED, JointName, joint_name, words
 from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.jsontext import as_utf8
 from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, stem
 from handtrack.sequences.readers.table_cells import Table
+from handtrack.sequences.settled import settle
 from handtrack.sequences.size import fitting_unit
 from handtrack.sequences.titles import few
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from handtrack.errors import InputError, shown
 from handtrack.hand.skeleton import HANDS, JOINT_NAMES, N_JOINTS, Hand
-from handtrack.sequences.names import UNUSED, joint_name, settle, words
+from handtrack.sequences.names import UNUSED, joint_name, words
 from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.hdf5_file import (
     HDF5_MAGIC,
@@ -29,6 +29,7 @@ from handtrack.sequences.readers.hdf5_file import (
     read_hdf5,
 )
 from handtrack.sequences.readers.raw import Array, Raw, stem, usable_confidence
+from handtrack.sequences.settled import settle
 
 FPS = 30.0
 _FEWEST = 4

@@ -22,7 +22,7 @@ from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.skeleton import N_JOINTS, ORDER_JOINTS
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.joint_order import with_as_many
-from handtrack.sequences.names import UNUSED, as_side, joint_name, settle, words
+from handtrack.sequences.names import UNUSED, as_side, joint_name, words
 from handtrack.sequences.readers.jsontext import nested_array, nested_numbers, numbers
 from handtrack.sequences.readers.raw import (
     METRES,
@@ -36,6 +36,7 @@ from handtrack.sequences.readers.raw import (
     as_unit,
     stem,
 )
+from handtrack.sequences.settled import settle
 from handtrack.sequences.titles import (
     is_confidence,
     is_frame_number,

@@ -53,12 +53,36 @@ def said(group: Any, name: str, path: Path) -> str:
         for length in _told(key, path):
             if length > size:
                 raise _too_long(length, name, path)
+        _refuse_endless(path)
     value = group.attrs[name]
     if getattr(value, "shape", None) == (1,):
         value = value[0]
     if isinstance(value, bytes):
         value = value.decode("utf-8", "replace")
     return value[:_LONGEST] if isinstance(value, str) else ""
+
+
+_HEAP = struct.Struct("<4sB3xQ")
+_HEAP_OBJECT = struct.Struct("<HH4xQ")
+
+
+def _refuse_endless(path: Path) -> None:
+    """Refuse a heap of texts with an object of no length, which HDF5 1.14 goes on from for ever."""
+    if not 0 < path.stat().st_size <= _SEARCHED:
+        return
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        for found in re.finditer(b"GCOL\x01\0\0\0", data):
+            at = found.start()
+            if at + _HEAP.size > len(data):
+                return
+            end = min(at + _HEAP.unpack_from(data, at)[2], len(data))
+            at += _HEAP.size
+            while at + _HEAP_OBJECT.size <= end:
+                number, _, size = _HEAP_OBJECT.unpack_from(data, at)
+                step = size if number == 0 else (_HEAP_OBJECT.size + size + 7) // 8 * 8 % 2**64
+                if step == 0:
+                    raise InputError("its heap of texts is damaged", path)
+                at += step
 
 
 def _told(key: bytes, path: Path) -> Iterator[int]:

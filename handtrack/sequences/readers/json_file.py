@@ -48,11 +48,10 @@ from handtrack.sequences.readers.raw import NotJointsError, Raw, stem
 from handtrack.sequences.readers.record_places import Places
 from handtrack.sequences.readers.records import read_records
 from handtrack.sequences.readers.spelling import ABOUT, LISTS, in_small_letters
+from handtrack.sequences.readers.text_places import with_places
 from handtrack.sequences.readers.whole_clips import as_clip, is_clip
 
 _NUMBER = re.compile(r"(?i)((?:frame|f|image|img|t)?[_ ]?)(\d{1,12})")
-
-
 _LARGE = 1_000_000
 
 
@@ -94,7 +93,7 @@ def read_lines(data: bytes, path: Path) -> list[Raw]:
         values = []
     if len(values) != len(lines):
         values = [decode(line, Any, path, first_line=n) for n, line in lines]
-    values = in_small_letters(values)
+    values = with_places(in_small_letters(values))
     table = table_of(values)
     if table is not None:
         return text_table.read_table(table, path)
@@ -210,7 +209,7 @@ def from_value(value: Any, path: Path) -> list[Raw]:
     Raises:
         NotJointsError, InputError: as `read_json`.
     """
-    return flat_too(lambda v: _from_value(v, path), in_small_letters(value))
+    return flat_too(lambda v: _from_value(v, path), with_places(in_small_letters(value)))
 
 
 def _from_value(value: Any, path: Path) -> list[Raw]:
@@ -285,7 +284,7 @@ def _object(value: dict[str, Any], path: Path) -> list[Raw]:
         return _frames(numbered, path, {})
     found = hands_in(value)
     seen = any(isinstance(f.value, dict | list) and are_points(f.value) for f in found)
-    if seen and not is_clip(value):
+    if seen and not is_clip(value, path):
         return read_records([value], ["the object"], path)
     return [raw for fields in of_sides(value) for raw in two_hands(from_fields(fields, path))]
 

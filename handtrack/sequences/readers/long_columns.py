@@ -23,12 +23,13 @@ from handtrack.sequences.names import (
     Unit,
     as_side,
     joint_name,
-    settle,
     words,
 )
 from handtrack.sequences.readers.columns_at_once import MISSING
 from handtrack.sequences.readers.table_cells import Table
 from handtrack.sequences.readers.table_columns import first_number
+from handtrack.sequences.settled import settle
+from handtrack.sequences.short_names import spelt_out
 from handtrack.sequences.titles import Column, column, is_confidence, may_be_hand_label, nearest
 
 _OF_JOINTS = {
@@ -37,6 +38,7 @@ _OF_JOINTS = {
 }
 _NAMING = {"name", "names", "label", "key", "type", "hand", "code", "enum"}
 _MAYBE = {"id", "index", "idx", "name", "label", "number", "no", "n", "type", "key", "i", "j"}
+_PATH = {"path", "hierarchy", "object", "transform", "gameobject", "full"}
 _VARIABLE = {"variable", "column", "feature", "measure", "field", "name", "key", "channel"}
 _AXIS = {"axis", "coord", "coordinate", "dim", "dimension", "component", "xyz"}
 _VALUE = {"value", "values", "val", "position", "pos"}
@@ -178,7 +180,7 @@ def _names(titles: list[str], melted: bool, taken: list[int]) -> list[tuple[list
             ([finger, c], False) for c, given in free.items() if given <= _MAYBE
         ]
     ways += [([c], True) for c in named]
-    return ways + [([c], False) for c, given in free.items() if given <= _MAYBE]
+    return ways + [([c], False) for c, given in free.items() if given <= _MAYBE or given <= _PATH]
 
 
 _Slots = tuple[NDArray[np.int64], list[tuple[Hand | None, int | None, int | None]], int, str | None]
@@ -194,7 +196,8 @@ def _slots(
     texts = given.texts
     if len(texts) > _MOST:
         return None
-    said = [None if t.lower() in MISSING else _said(t, melted) for t in texts]
+    spelt = zip(texts, spelt_out(texts), strict=True)
+    said = [None if t.lower() in MISSING else _said(name, melted) for t, name in spelt]
     known = [s for s in said if s is not None]
     if len({(s.joint.hand, s.joint.finger, s.joint.part, s.joint.number) for s in known}) < _FEWEST:
         return None

@@ -18,10 +18,11 @@ import numpy as np
 from handtrack.errors import InputError, shown
 from handtrack.files import budget
 from handtrack.hand.skeleton import HANDS, JOINT_NAMES, N_JOINTS, Hand
-from handtrack.sequences.names import UNUSED, JointName, joint_name, settle, words
+from handtrack.sequences.names import UNUSED, JointName, joint_name, words
 from handtrack.sequences.readers.companions import Companions
 from handtrack.sequences.readers.jsontext import as_utf8, decode
 from handtrack.sequences.readers.raw import NotJointsError, Raw
+from handtrack.sequences.settled import settle
 from handtrack.sequences.titles import nearest
 
 FEWEST = 8

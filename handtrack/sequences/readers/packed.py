@@ -1,4 +1,4 @@
-"""Files that are packed: .gz, .bz2 and .xz of one file, and .zip of one file.
+"""Files that are packed: .gz, .bz2 and .xz of one file, and .zip of one file or of a folder.
 
 Texts are unpacked in memory; what is read from a file (MCAP, HDF5, Parquet, bags) is unpacked to
 a folder that is gone afterwards. The budget bounds both.
@@ -30,6 +30,7 @@ _BY_MAGIC: dict[bytes, tuple[str, Callable[[Path], Any]]] = {
     b"BZh": ("bzip2", bz2.open),
     b"\xfd7zXZ": ("xz", lzma.open),
 }
+_ZIP = b"PK\x03\x04"
 _ZSTD = b"\x28\xb5\x2f\xfd"
 _SUFFIXES = (".gz", ".bz2", ".xz", ".zip")
 _DAMAGED = (OSError, EOFError, zlib.error, lzma.LZMAError, ValueError)
@@ -82,17 +83,61 @@ def only_member(path: Path) -> str | None:
         return None  # said where its arrays are looked for
     names = [i.filename for i in infos]
     if len(names) != 1 or names[0].endswith(".npy"):
-        if len(names) > 1 and not any(n.endswith(".npy") for n in names):
-            some = ", ".join(shown(n, 40) for n in names[:3])
-            raise NotJointsError(
-                f"a .zip of {len(names)} files ({some} ...): unpack it and give the folder, or"
-                " the one file that is meant",
-                path,
-            )
         return None
     if infos[0].flag_bits & 1:
         raise InputError(f"{shown(names[0], 60)} is encrypted, which is not read: unpack it", path)
     return names[0]
+
+
+def holds_files(path: Path) -> bool:
+    """Whether it is a .zip of several files, other than an .npz."""
+    try:
+        with path.open("rb") as file:
+            if file.read(len(_ZIP)) != _ZIP:
+                return False
+            npz.check_directory(file, path)
+            with zipfile.ZipFile(file) as archive:
+                names = [i.filename for i in archive.infolist() if _is_content(i)]
+    except (*npz.DAMAGED, OSError):
+        return False  # said where its arrays are looked for
+    return len(names) > 1 and not any(n.endswith(".npy") for n in names)
+
+
+@contextmanager
+def as_folder(path: Path, wanted: Callable[[str], bool]) -> Iterator[Path]:
+    """A .zip's files in a folder that is gone afterwards.
+
+    Args:
+        path: the archive.
+        wanted: whether a file of that name is looked at.
+
+    Raises:
+        InputError: damaged, encrypted, or larger than the budget; errors from within the block
+            name the archive instead of the folder.
+    """
+    packed, size = path.stat().st_size, 0
+    with scratch() as folder:
+        try:
+            with zipfile.ZipFile(path) as archive:
+                for info in filter(_is_content, archive.infolist()):
+                    steps = PurePosixPath(info.filename.replace("\\", "/")).parts
+                    if ".." in steps or info.filename.startswith("/") or not wanted(steps[-1]):
+                        continue
+                    if info.flag_bits & 1:
+                        name = shown(info.filename, 60)
+                        raise InputError(f"{name} is encrypted, which is not read", path)
+                    here = folder.joinpath(*steps)
+                    here.parent.mkdir(parents=True, exist_ok=True)
+                    with archive.open(info) as stream, here.open("wb") as file:
+                        while piece := stream.read(_PIECE):
+                            size += len(piece)
+                            budget.check(size, path, packed)
+                            file.write(piece)
+        except InputError:
+            raise
+        except (*npz.DAMAGED, OSError) as error:
+            raise InputError(npz.damage("the .zip file", error), path) from None
+        yield folder
 
 
 def _is_content(info: zipfile.ZipInfo) -> bool:

@@ -208,7 +208,8 @@ def _points(value: Any, path: Path, what: str) -> Array:
         array = plain(value)
     except (LookupError, OverflowError, RecursionError, TypeError, ValueError) as error:
         raise InputError(f"{what}: {shown(str(error))}, expected numbers", path) from None
-    return array.astype(np.float64)
+    with np.errstate(invalid="ignore", over="ignore"):  # what is no number is missing
+        return array.astype(np.float64)
 
 
 FORMATS = (

@@ -32,7 +32,9 @@ def seen_in_picture(raw: Raw, normalised: bool = False) -> Raw:
     if whole.sum() < (1 if normalised else 2) or _deep_at_the_wrist(raw.joints, whole):
         return raw
     seen = raw.joints[whole]
-    wrist, extent = seen[:, 0], float(np.ptp(seen, axis=(0, 1)).max())
+    wrist = seen[:, 0]
+    with np.errstate(over="ignore"):  # what extends so far is no hand
+        extent = float(np.ptp(seen, axis=(0, 1)).max())
     flat = np.abs(wrist[:, 2]).max() < AT_ZERO * extent
     moves = normalised or np.ptp(wrist[:, :2], axis=0).max() > 10 * AT_ZERO * extent
     deep = float(np.ptp(seen[..., 2])) > 0

@@ -20,8 +20,10 @@ import numpy as np
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS, ORDER_JOINTS
-from handtrack.sequences.names import CONFIDENCES, UNUSED, joint_name, settle, words
+from handtrack.sequences.names import CONFIDENCES, UNUSED, joint_name, words
 from handtrack.sequences.readers.raw import Array
+from handtrack.sequences.settled import settle
+from handtrack.sequences.short_names import spelt_out
 from handtrack.sequences.titles import few, nearest
 
 COUNTS = frozenset(ORDER_JOINTS.values())
@@ -206,7 +208,7 @@ class _Plan(NamedTuple):
 def plan_of(keys: tuple[str, ...]) -> _Plan:
     if sum(_number(k) is not None for k in keys) > len(keys) / 2:
         return _Plan((), True)
-    said = [joint_name(words(k)) for k in keys]
+    said = [joint_name(words(k)) for k in spelt_out(keys)]
     known = [s for s in said if s is not None]
     settled = iter(settle(known))
     joints = tuple(None if s is None else next(settled) for s in said)

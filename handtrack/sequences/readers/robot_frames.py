@@ -13,10 +13,11 @@ import numpy as np
 from handtrack.errors import InputError, shown
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.clock import Stamps
-from handtrack.sequences.names import UNUSED, joint_name, settle, without_hand, words
+from handtrack.sequences.names import UNUSED, joint_name, without_hand, words
 from handtrack.sequences.readers.fields import JOINT_COUNTS
 from handtrack.sequences.readers.raw import Array, Raw, stem
 from handtrack.sequences.readers.robot_messages import Poses, Transform, turn_of
+from handtrack.sequences.settled import settle
 from handtrack.sequences.titles import few
 
 FEWEST = 4

@@ -12,6 +12,7 @@ import numpy as np
 
 from handtrack.errors import InputError
 from handtrack.sequences.readers.columns_at_once import LARGE, MISSING, AtOnce, Coded
+from handtrack.sequences.readers.label_cells import as_table
 from handtrack.sequences.readers.raw import Array
 from handtrack.sequences.readers.table_lines import lines_of, unquoted, without_titles
 from handtrack.sequences.readers.table_places import (
@@ -21,11 +22,13 @@ from handtrack.sequences.readers.table_places import (
     is_place,
     spread,
 )
+from handtrack.sequences.readers.text_places import with_points
 
 _WORD = re.compile(r"(?i)\b(?:null|none|na|n/a|nat)\b|#n/a|(?<![\d.eE])-(?![\d.])")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _MAX_TITLE_LINES = 4
 _NARROW = 16
+_FIRST = 50
 # what MATLAB, R, pandas and spreadsheets call columns without names
 _NUMBERED = re.compile(r"(?i)(?:var|v|col|column|feature|f|unnamed: )[_ ]?(\d+)")
 
@@ -176,9 +179,6 @@ class Table:
         return out
 
 
-_FIRST = 50
-
-
 def read_cells(data: bytes, path: Path) -> Table:
     """A text's lines as a table.
 
@@ -190,6 +190,8 @@ def read_cells(data: bytes, path: Path) -> Table:
     comment = remarks[-1] if remarks else ""
     if not lines:
         raise InputError("no lines in it", path)
+    lines = with_points(lines)
+    lines, places = as_table(lines, places) or (lines, places)
     quoted = b'"' in data and any('"' in line for line in lines)
     if not quoted:
         lines = guarded(lines)
@@ -237,7 +239,7 @@ def is_number(cell: str) -> bool:
 def _separator(lines: list[str]) -> str | None:
     """What separates cells; blanks where nothing else does."""
     few = [lines[0], lines[-1], *lines[1:4]]
-    for mark in (";", "\t", ",", "|"):
+    for mark in (SEPARATOR, ";", "\t", ",", "|"):
         if all(mark in line for line in few):
             return mark
     return next((mark for mark in (";", "\t", ",", "|") if mark in lines[0]), None)

@@ -46,20 +46,20 @@ _LONGEST = 20_000
 def guarded(lines: list[str]) -> list[str]:
     """Lines whose commas inside brackets separate no cells; the same where none has any."""
     few = [line for line in lines[1:_LOOK] if "(" in line or "[" in line or "{" in line]
-    if not few or not any(_numbers(m[0]) for line in few for m in [_BRACKETS.search(line)] if m):
+    if not few or not any(numbers_in(m[0]) for line in few for m in [_BRACKETS.search(line)] if m):
         return lines
     return [_BRACKETS.sub(lambda m: _INSIDE.sub(" ", m[0]), line) for line in lines]
 
 
 def is_place(cell: str) -> bool:
     """Whether a cell holds a place or a hand: some numbers, and nothing that is none."""
-    return len(_numbers(cell)) in _WIDTHS
+    return len(numbers_in(cell)) in _WIDTHS
 
 
 _WIDTHS = {3, *(3 * n for n in ORDER_JOINTS.values())}
 
 
-def _numbers(cell: str) -> list[str]:
+def numbers_in(cell: str) -> list[str]:
     """The coordinates in a cell, in threes; none where it is something else."""
     if len(cell) > _LONGEST:
         return []
@@ -173,7 +173,7 @@ def _literally(lines: list[str], mark: str, places: list[str], first: str) -> li
         places: the first line's cells that hold one.
         first: the first line as a row.
     """
-    around = [[_squeezed(part) for part in _around(place, _numbers(place))] for place in places]
+    around = [[_squeezed(part) for part in _around(place, numbers_in(place))] for place in places]
     if any(parts != around[0] for parts in around):
         return None
     before, *between, after = around[0]
@@ -206,7 +206,7 @@ def _alike_letters(lines: list[str], cells: list[str], widths: dict[int, int]) -
     mark = _mark_of(lines[0], cells)
     if mark is None or max(widths) >= len(cells):
         return None
-    around = {c: _around(cells[c], _numbers(cells[c])) for c in widths}
+    around = {c: _around(cells[c], numbers_in(cells[c])) for c in widths}
     between = {part for of in around.values() for part in of[1:-1]}
     ends = {part for of in around.values() for part in (of[0], of[-1])}
     stops = {letter for part in between for letter in part} - _BRACKET
@@ -227,7 +227,7 @@ def _alike_letters(lines: list[str], cells: list[str], widths: dict[int, int]) -
     letters = str.maketrans(dict.fromkeys(_BRACKET, " ") | {mark: SEPARATOR, stop: SEPARATOR})
     rows = text.translate(letters).split("\n")
     wanted = [
-        n for c, cell in enumerate(cells) for n in (_numbers(cell) if c in widths else [cell])
+        n for c, cell in enumerate(cells) for n in (numbers_in(cell) if c in widths else [cell])
     ]
     return rows if [cell.strip() for cell in rows[0].split(SEPARATOR)] == wanted else None
 
@@ -256,7 +256,7 @@ def _template(cell: str, width: int) -> str | None:
     parts = re.split(rf"({_PLAIN})", cell)
     if width > 3 or any(character.isdigit() for part in parts[::2] for character in part):
         return None
-    wanted = _numbers(cell)
+    wanted = numbers_in(cell)
     if len(wanted) < width:
         return None
     found, pattern = 0, ""
@@ -276,7 +276,7 @@ def _widths(cells_of: list[list[str]]) -> dict[int, int]:
     for cells in cells_of:
         for c, cell in enumerate(cells):
             if c not in widths and cell.lower() not in _NOT_SEEN:
-                n = len(_numbers(cell)) if len(cell) > 4 else 0
+                n = len(numbers_in(cell)) if len(cell) > 4 else 0
                 widths[c] = n if n in _WIDTHS else 0
     return {c: n for c, n in widths.items() if n}
 
@@ -291,7 +291,7 @@ def _worlds(widths: dict[int, int], titles: list[str]) -> dict[int, int]:
 
 
 def _row(cell: str, width: int, where: str, path: Path) -> list[str]:
-    numbers = _numbers(cell)
+    numbers = numbers_in(cell)
     if len(numbers) != width:
         raise InputError(f"{where} is {cell[:40]!r}, expected {width} numbers", path)
     return ["nan" if n.lower() in _MISSING else n for n in numbers]

@@ -24,6 +24,7 @@ from handtrack.errors import InputError
 from handtrack.sequences.names import AXES, words
 from handtrack.sequences.readers.aria import InDevice
 from handtrack.sequences.readers.bare_table import read_bare, with_texts
+from handtrack.sequences.readers.bone_ends import ends_as_joints
 from handtrack.sequences.readers.catalogue import Format
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.long_columns import long_columns
@@ -40,6 +41,7 @@ from handtrack.sequences.readers.table_cells import Table, read_cells
 from handtrack.sequences.readers.table_columns import HandColumns, read_columns
 from handtrack.sequences.readers.table_remarks import remarked
 from handtrack.sequences.readers.table_rows import by_hand, exported, label_column, stamps_in
+from handtrack.sequences.short_names import spelt_out
 from handtrack.sequences.titles import column
 
 _MOST_COLUMNS = 5000
@@ -76,9 +78,14 @@ def _read(table: Table, path: Path) -> list[Raw]:
         return _read_titled(replace(table, titles=titles), titles, path)
     if table.titles is None or all(c.isdigit() or not c for c in table.titles):
         return read_bare(table, path)
-    table.titles = plain_axes(worlds_only(doubled(table.titles)))
+    table.titles = plain_axes(worlds_only(doubled(spelt_out(table.titles))))
     if table.width > _MOST_COLUMNS:
         raise NotJointsError(f"a table of {table.width} columns is of no hands", path)
+    bones = ends_as_joints(table)
+    if bones is not None:
+        raws = _read(bones[0], path)
+        raws[0].notes = (*raws[0].notes, *filter(None, bones[1:]))
+        return raws
     own = exported(table.titles)
     if own is not None:
         return _of_export(table, *own)

@@ -19,9 +19,10 @@ import numpy as np
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import HANDS, N_JOINTS, ORDERS, Hand
 from handtrack.sequences.clock import Stamps
-from handtrack.sequences.names import UNUSED, joint_name, settle, words
+from handtrack.sequences.names import UNUSED, joint_name, words
 from handtrack.sequences.readers.catalogue import Format
 from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, stem
+from handtrack.sequences.settled import settle
 from handtrack.sequences.titles import few
 
 _JOINTS, _WRIST = ("fingers", "arm"), "wrist"

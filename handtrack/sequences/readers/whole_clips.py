@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from handtrack.sequences.names import as_side, words
 from handtrack.sequences.readers.fields import RATES
 from handtrack.sequences.readers.found import CONTAINERS, MOST_HANDS
+from handtrack.sequences.readers.hands_or_frames import are_frames
 from handtrack.sequences.readers.points import are_points, has_names
 from handtrack.sequences.readers.spelling import LISTS
 from handtrack.sequences.titles import is_hand_label, joints_key, side_key, time_unit
@@ -31,11 +33,14 @@ def as_clip(value: dict[str, Any]) -> dict[str, Any]:
     return value
 
 
-def is_clip(value: dict[str, Any]) -> bool:
+def is_clip(value: dict[str, Any], path: Path) -> bool:
     """Whether lists of as few frames as a frame may have hands are frames all the same.
 
-    A label or a rate of all, a time for each, or plain numbers say so; a label for each, or
-    MediaPipe's names of what it found in one picture, say that they are hands.
+    A label or a rate of all, a time for each, or plain numbers say so; a label for each says that
+    they are hands; under MediaPipe's names it is told from where they are.
+
+    Raises:
+        InputError: they may be either.
     """
     several = {
         key: v
@@ -57,7 +62,11 @@ def is_clip(value: dict[str, Any]) -> bool:
         return True
     objects = any(isinstance(p, dict) for v in several.values() for f in v if f for p in f[:1])
     named = any(_OF_HANDS & set(words(key)) for key in several)
-    return not (named and objects) and not times
+    if not (named and objects):
+        return not times
+    if labels or times:
+        return False
+    return all(are_frames(v, key, path) for key, v in several.items())
 
 
 def _is_list_of_frames(value: Any) -> bool:
