@@ -157,6 +157,7 @@ def live(
             lambda side, size: _tracker(models, side, size, settings, said),
             sinks,
             recalibrated=recalibrated,
+            waits=camera is None and video is None and udp is None,
             dropped=lambda: queue.dropped,
             publish=send,
         )

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 CALIBRATION_S = 4.0
 """So much of a hand is seen before it is calibrated [s]."""
+AHEAD_S = 0.5
+"""Frames that come so much sooner than they were seen come from a file [s]."""
 MIN_BONES = 5
 """A hand's size is not taken from fewer bones."""
 
@@ -126,6 +128,7 @@ def run_live(
     sinks: Iterable[Sink],
     *,
     recalibrated: Callable[[HandModel], Tracker] | None = None,
+    waits: bool = False,
     dropped: Callable[[], int] = lambda: 0,
     publish: Callable[[TrackedFrame, Hand, int], None] | None = None,
 ) -> LiveCount:
@@ -141,6 +144,8 @@ def run_live(
         sinks: where each tracked frame goes.
         recalibrated: makes the tracker of a hand that was calibrated, beside the tracking, from
             its first `CALIBRATION_S` seconds. None: the hand stays as it is made.
+        waits: whether the source waits for the tracker: then frames that come sooner than they
+            were seen, as from a file, wait for the calibrated hand.
         dropped: says how many frames the source dropped so far.
         publish: sends a frame on, before it goes anywhere else.
     """
@@ -160,9 +165,9 @@ def run_live(
             for sink in targets:
                 sink.take(one, trackers[hand], index)
 
-    def better(hand: Hand, time_ns: int) -> None:
+    def better(hand: Hand, time_ns: int, wait: bool) -> None:
         """The calibrated hand, once it is there, in place of the one before."""
-        model = calibrations[hand].model()
+        model = calibrations[hand].model(wait)
         if model is not None and recalibrated is not None:
             give(hand, trackers[hand].finish())
             trackers[hand] = recalibrated(model)
@@ -171,6 +176,7 @@ def run_live(
                 sink.say(hand, Event(time_ns, "info", text))
 
     calibrations: dict[Hand, _Beside] = {}
+    pace = _Pace()
     nothing, none = np.full((N_JOINTS, 3), np.nan), np.zeros(N_JOINTS)
     try:
         for frame in frames:
@@ -187,7 +193,7 @@ def run_live(
                 if hand in calibrations:
                     if joints is not None:
                         calibrations[hand].take(joints, frame.time_ns, frame.confidence[hand])
-                    better(hand, frame.time_ns)
+                    better(hand, frame.time_ns, waits and pace.ahead(frame))
                 waiting[hand].append((frame.index, frame.came))
                 if frame.note:
                     for sink in targets:
@@ -209,6 +215,20 @@ def run_live(
     return count
 
 
+class _Pace:
+    """How fast frames come, beside how fast they were seen."""
+
+    def __init__(self) -> None:
+        self._first: LiveFrame | None = None
+
+    def ahead(self, frame: LiveFrame) -> bool:
+        """Whether the frame comes before the moment at which it was seen, as told by the first."""
+        if self._first is None:
+            self._first = frame
+        seen_s = (frame.time_ns - self._first.time_ns) * 1e-9
+        return seen_s > frame.came - self._first.came + AHEAD_S
+
+
 class _Beside:
     """A hand's calibration in a thread of its own, so that no frame waits for it."""
 
@@ -223,9 +243,10 @@ class _Beside:
         if not self._done:
             self._asked.append(self._pool.submit(self._online.take, joints, time_ns, confidence))
 
-    def model(self) -> HandModel | None:
-        """The calibrated hand, once: when it has just been found."""
-        while self._asked and self._asked[0].done():
+    def model(self, wait: bool = False) -> HandModel | None:
+        """The calibrated hand, once: when it has just been found; of all frames so far, or, not to
+        wait, of those that are done."""
+        while self._asked and (wait or self._asked[0].done()):
             found = self._asked.popleft().result()
             if found is not None and not self._done:
                 self._done = True

@@ -7,6 +7,8 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -106,6 +108,31 @@ def test_a_hand_is_calibrated_while_it_is_tracked(tmp_path, monkeypatch):
     assert after.events[0].time_ns == after.time_ns[0]
     assert np.nanmean(after.error) < 0.2 * np.nanmean(before.error)
     assert np.allclose(after.model.bone_lengths, subject.bone_lengths, atol=1e-3)
+
+
+@pytest.mark.parametrize("pace", ["a file's", "life's"])
+def test_a_file_waits_for_the_calibrated_hand_and_life_does_not(pace, tmp_path, monkeypatch):
+    """Calibrating takes until all frames of life have come; of a file none comes meanwhile."""
+    life, over = pace == "life's", threading.Event()
+    hand = ht.HandModel.default("right").scaled(1.1)
+
+    def take(self, joints, time_ns, confidence):
+        if time_ns < 4e9:
+            return None
+        if life:
+            assert over.wait(60)
+        return SimpleNamespace(model=hand)
+
+    def coming():
+        for frame in frames(motion(150)):
+            yield replace(frame, came=frame.time_ns * 1e-9) if life else frame
+        over.set()
+
+    monkeypatch.setattr(OnlineCalibration, "take", take)
+    with RecorderSink(tmp_path / "live.mcap", "test", NO_MESH) as record:
+        run_live(coming(), tracker, [record], recalibrated=Tracker, waits=True)
+    found = sorted(ht.read_mcap(tmp_path / "live.mcap"), key=lambda x: x.time_ns[0])
+    assert [len(track) for track in found] == ([150] if life else [122, 28])
 
 
 def test_ctrl_c_leaves_a_complete_recording(tmp_path):
