@@ -191,6 +191,30 @@ def test_a_step_is_that_of_the_dense_system():
     )
 
 
+@pytest.mark.parametrize("loss", [{}, {"spread": 0.003, "worth": 0.3}])
+def test_variances_are_those_of_poses_with_known_constants(loss):
+    """Of all joints, whatever the loss thinks of them and the clip is worth."""
+    rng = np.random.default_rng(9)
+    (clip,), moves, _, (poses,) = problem(rng, frames=2, noise=0.002)
+    clip = replace(clip, hand=replace(clip.hand, loose=np.full(4, 1e6), strict=1e6))
+    free = rng.normal(0, 0.01, moves.n)
+
+    def at(x: np.ndarray) -> np.ndarray:
+        part = x.reshape(2, 26)
+        turned = poses.rotation @ vector_to_matrix(part[:, 20:23])
+        moved = Poses(
+            poses.local + part[:, :20].reshape(-1, 5, 4), turned, poses.translation + part[:, 23:]
+        )
+        return residuals([clip], np.eye(moves.n), free, [moved])
+
+    steps = STEP * np.eye(52)
+    jacobian = np.stack([(at(d) - at(-d)) / (2 * STEP) for d in steps], 1)
+    covariance = np.linalg.inv(jacobian.T @ jacobian + bundle._TRACE * np.eye(52))
+    wanted = np.diag(covariance).reshape(2, 26)[:, :20].reshape(2, 5, 4)
+    (system,) = bundle._systems([replace(clip, **loss)], free, [poses])
+    np.testing.assert_allclose(system.variance(), wanted, rtol=1e-3)
+
+
 def test_the_solver_descends_to_a_stationary_point():
     rng = np.random.default_rng(5)
     clips, moves, _, poses = problem(rng, frames=20)
