@@ -10,9 +10,8 @@ from handtrack.errors import HandtrackError, InputError
 
 h5py = pytest.importorskip("h5py", reason="the extra `formats` is not installed")
 
-from hdf5_files import write_egodex, write_emg2pose, write_profile  # noqa: E402
-
 from handtrack.sequences.readers.hdf5_arrays import said  # noqa: E402
+from tools.make.hdf5_files import write_egodex, write_emg2pose, write_profile  # noqa: E402
 
 
 def test_egodex_has_both_hands(tmp_path, left, right):

@@ -8,13 +8,13 @@ import tarfile
 
 import numpy as np
 import pytest
-from hdf5_files import PARTS, profile, write_profile
 
 import handtrack as ht
 from handtrack.errors import HandtrackError, SettingsError
 from handtrack.hand.mano import MANO
 from handtrack.hand.mano_pose import decode
 from tools.make import mano_like
+from tools.make.hdf5_files import PARTS, profile, write_profile
 
 QUATERNION = [0.8, 0.0, 0.6, 0.0]
 TURN = np.array([[0.28, 0.0, 0.96], [0.0, 1.0, 0.0], [-0.96, 0.0, 0.28]])

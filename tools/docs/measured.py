@@ -22,6 +22,7 @@ def tables() -> dict[str, str]:
         "accuracy_ladder": as_kept("accuracy_ladder"),
         "lasting_noise": as_kept("lasting_noise"),
         "uncertainty": as_kept("uncertainty"),
+        "reading": as_kept("reading"),
         **performance(),
     }
 

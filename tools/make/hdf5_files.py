@@ -82,11 +82,15 @@ def profile(scale: float = 1000.0) -> dict[str, object]:
 
 
 def write_profile(path: Path, scale: float = 1000.0) -> Path:
+    """The same as a file."""
     path.write_text(json.dumps({"hand_model": profile(scale)}))
     return path
 
 
-def write_emg2pose(path: Path, angles: np.ndarray, side: str = "right", rate: float = 2000.0):
+def write_emg2pose(
+    path: Path, angles: np.ndarray, side: str = "right", rate: float = 2000.0
+) -> Path:
+    """angles: (T, 20) of UmeTrack [rad]."""
     import h5py
 
     kind = np.dtype([("time", "<f8"), ("joint_angles", "<f4", (20,)), ("emg", "<f4", (16,))])
