@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from handtrack.detectors.chosen import chosen_profile
 from handtrack.fitting.fit import fit
 from handtrack.fitting.images import (
     MIN_POINTS,
@@ -30,6 +31,8 @@ DOUBTFUL = 1.25
 """Of the usual reprojection error; a frame of one camera that has more is believed less."""
 FEW, MANY = 10, 300
 """Frames that tell what is usual, at least and at most."""
+LASTING = 2.25
+"""Errors that last from frame to frame are no more than so many times as loud to a filter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +45,7 @@ class Followed:
         reprojection: (T, C, 21) distance of the fitted joints to those seen [px], NaN where not
             seen.
         noise_mm: standard deviation per coordinate of the joints, as the reprojection errors
-            show it at the hand's distance [mm].
+            show it at the hand's distance, of several cameras the louder the longer they last [mm].
     """
 
     sequence: Sequence
@@ -60,48 +63,38 @@ def follow(
 
     Of one camera whose points were measured: from their poses, to which the angles are held. Else
     each from the frame before; where that has no fit, or the fit is doubtful, it is begun anew from
-    the fit to the points, or to the picture alone, and the better is taken.
+    the fit to the points, or to the picture alone, and the better is taken. Of several cameras
+    what each saw of landmarks is moved as the detector's profile corrects the points.
 
     Args:
         views: what the cameras saw.
         model: the hand, calibrated, with the landmarks that the points are.
         shown: of one camera, the hand with the landmarks that pictures show. Without it points are
             no measurement, and only begin a fit.
-        settings: of one camera, whose landmarks the points are, and the filter that steadies
+        settings: whose landmarks the points are, and, of one camera, the filter that steadies
             their angles and the hand's distance; the defaults if left out.
     """
-    chosen = TrackSettings() if settings is None else settings
+    chosen, detected = TrackSettings() if settings is None else settings, views.image
+    if len(views.cameras) > 1 and model.has_landmarks:
+        views = views.corrected(chosen_profile(chosen.detector, views.seen_by))
     n, held = len(views), np.full((len(views), 32), np.nan)
     if shown is not None and len(views.cameras) == 1 and np.isfinite(views.points).any():
         held = np.concatenate(poses_of_joints(views, model, chosen), axis=1)
     shown = model if shown is None else shown
     fits = _Fits(views, shown)
-    joints, marks = np.full((n, 21, 3), np.nan), np.full((n, 21, 3), np.nan)
-    last: _Pose | None = None
-    for t in range(n):
-        if fits.seen[t].sum() < MIN_POINTS:
-            last = None
-            continue
-        if np.isfinite(held[t]).all():
-            last = fits.run(t, _Pose(held[t, :20], held[t, 20:]), STIFFNESS)
-        else:
-            last = fits.next(t, last, lambda t: _from_points(views, model, shown, t))
-        if last is not None:
-            joints[t] = last.joints
-            turn = last.root[:9].reshape(3, 3)
-            marks[t] = last.joints + shown.landmarks_from_joints(last.angles, turn)
-    seen = fits.seen
-    error = np.stack(
-        [
-            np.linalg.norm(camera.project(marks) - views.image[:, c], axis=-1)
-            for c, camera in enumerate(views.cameras)
-        ],
-        1,
-    )
-    error, trust = np.where(seen, error, np.nan), np.ones(n)
+    joints, marks = _fitted(fits, views, model, held)
+    seen, pictured = fits.seen, np.stack([c.project(marks) for c in views.cameras], 1)
+    off = np.where(seen[..., None], pictured - views.image, np.nan)
+    error, trust, is_whole = np.linalg.norm(off, axis=-1), np.ones(n), chosen.filter.name == "rts"
+    noise_mm = _noise_mm(views, joints, error)
+    if len(views.cameras) > 1:
+        noise_mm *= _louder(off)
     if np.isfinite(held).any():
         joints += _steadier(joints, views, chosen.filter)
-        trust = _trust(error[:, 0], is_whole=chosen.filter.name == "rts")
+        trust = _trust(error[:, 0], is_whole)
+    elif len(views.cameras) > 1 and is_whole:
+        # one that looks back only is not nearer by it
+        trust = _trust(error.reshape(n, -1), is_whole)
     joints[~seen.any(1)] = np.nan
     sequence = Sequence(
         time_ns=views.time_ns,
@@ -113,7 +106,28 @@ def follow(
         source=views.source,
         notes=views.notes,
     )
-    return Followed(sequence, error, _noise_mm(views, joints, error))
+    reprojection = np.where(seen, np.linalg.norm(pictured - detected, axis=-1), np.nan)
+    return Followed(sequence, reprojection, noise_mm)
+
+
+def _fitted(fits: _Fits, views: Views, model: HandModel, held: Array) -> tuple[Array, Array]:
+    """Joints and landmarks (T, 21, 3) of the hand in every frame, NaN where there is no fit."""
+    n = len(views)
+    joints, marks = np.full((n, 21, 3), np.nan), np.full((n, 21, 3), np.nan)
+    last: _Pose | None = None
+    for t in range(n):
+        if fits.seen[t].sum() < MIN_POINTS:
+            last = None
+            continue
+        if np.isfinite(held[t]).all():
+            last = fits.run(t, _Pose(held[t, :20], held[t, 20:]), STIFFNESS)
+        else:
+            last = fits.next(t, last, lambda t: _from_points(views, model, fits.shown, t))
+        if last is not None:
+            joints[t] = last.joints
+            turn = last.root[:9].reshape(3, 3)
+            marks[t] = last.joints + fits.shown.landmarks_from_joints(last.angles, turn)
+    return joints, marks
 
 
 def _steadier(joints: Array, views: Views, filter: FilterSettings) -> Array:
@@ -139,7 +153,7 @@ class _Fits:
 
     def __init__(self, views: Views, shown: HandModel) -> None:
         self.weights, self.seen = views.weights, views.weights > 0
-        self._cameras, self._shown = views.cameras, shown
+        self._cameras, self.shown = views.cameras, shown
         self._pixels, self._results = np.nan_to_num(views.image), ViewResults(1)
         # one camera cannot see depth well
         self._loose = (NOISE_PX / np.deg2rad(PRIOR_DEG)) ** 2 if len(views.cameras) == 1 else 0.0
@@ -148,7 +162,7 @@ class _Fits:
         """A frame's fit from a pose, whose angles are a prior."""
         at, results = slice(t, t + 1), self._results
         results.run(
-            self._shown,
+            self.shown,
             self._cameras,
             self._pixels[at],
             self.weights[at],
@@ -176,7 +190,7 @@ def _trust(error: Array, is_whole: bool) -> Array:
     """(T,) how far frames are believed: one that suits its picture badly shows another hand.
 
     Args:
-        error: (T, 21) [px], NaN where not seen.
+        error: (T, n) of what is seen of the frame [px], NaN where not seen.
         is_whole: compared with all frames; else with those before.
     """
     known = np.flatnonzero(np.isfinite(error).any(1))
@@ -188,6 +202,18 @@ def _trust(error: Array, is_whole: bool) -> Array:
         usual[:FEW] = np.inf
     trust[known] = np.minimum(1.0, (DOUBTFUL * usual / np.maximum(size, 1e-9)) ** 6)
     return trust
+
+
+def _louder(off: Array) -> float:
+    """How much louder errors (T, C, 21, 2) are to a filter that takes them for new in every frame:
+    by how much the mean of many frames is worse, sqrt((1 + r) / (1 - r)), up to LASTING."""
+    left = off - np.nansum(off, axis=0) / np.maximum(np.isfinite(off).sum(0), 1)
+    pairs = np.stack([left[:-1], left[1:]])
+    pairs = pairs[:, np.isfinite(pairs).all(0)]
+    if len(off) < FEW or not pairs.size:
+        return 1.0
+    r = float(np.clip(pairs.prod(0).sum() / max((pairs**2).mean(0).sum(), 1e-12), 0.0, 0.99))
+    return min(LASTING, float(np.sqrt((1.0 + r) / (1.0 - r))))
 
 
 def _noise_mm(views: Views, joints: Array, error: Array) -> float:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from handtrack.cameras.camera import Camera
 from handtrack.cameras.triangulate import triangulate
+from handtrack.detectors.profile import Profile
 from handtrack.errors import InputError
 from handtrack.fitting.images import shift_to_rays
 from handtrack.hand.skeleton import HANDS, N_JOINTS, Hand
@@ -71,6 +72,18 @@ class Views:
     def seen_by(self) -> str:
         """Name of the profile whose landmarks the points are; "" where none is known."""
         return f"{self.detector}-3d" if self.detector and len(self.cameras) > 1 else self.detector
+
+    def corrected(self, profile: Profile | None) -> Views:
+        """With the points, and what each camera saw, as the detector's profile corrects the points.
+
+        Of one camera its points are no place in the picture: only several are meant.
+        """
+        if profile is None or profile.correction is None:
+            return self
+        points = self.sequence().corrected(profile).joints
+        moved = [c.project(points) - c.project(self.points) for c in self.cameras]
+        image = self.image + np.nan_to_num(np.stack(moved, 1))
+        return replace(self, image=image, points=points)
 
     def sequence(self) -> Sequence:
         """The points as a joint sequence, by which the hand is calibrated."""

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 import handtrack as ht
+from handtrack.cameras.triangulate import triangulate
+from handtrack.detectors.profile import load_profile
 from handtrack.errors import InputError
 from handtrack.video.detections import Detections
-from handtrack.video.following import follow
+from handtrack.video.following import LASTING, _louder, follow
 from handtrack.video.views import views_of
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "cameras"))
@@ -104,6 +106,38 @@ def test_what_does_not_belong_together_is_refused(joints):
     ):
         with pytest.raises(InputError, match=says):
             views_of(detections, cams)
+
+
+def test_pictures_are_moved_as_their_points_are_corrected(joints):
+    cameras = rig(3)
+    (views,) = views_of(seen(cameras, joints), cameras)
+    views.image[2, 1, 8] = np.nan
+    profile = load_profile("mediapipe-3d")
+    wanted = profile.corrected(views.points, "right")
+    moved = views.corrected(profile)
+    assert np.linalg.norm(wanted - joints, axis=-1).mean() > 1e-3
+    found, _ = triangulate(cameras, moved.image.transpose(1, 0, 2, 3))
+    assert np.allclose(found, wanted, atol=1e-7)
+    assert np.array_equal(moved.points, wanted)
+    assert np.isnan(moved.image[2, 1, 8]).all()
+    assert views.corrected(None) is views
+
+
+def test_noise_that_lasts_is_louder():
+    rng = np.random.default_rng(1)
+    white = rng.normal(0, 1.0, (400, 3, 21, 2))
+    lasting = np.empty_like(white)
+    lasting[0] = white[0]
+    for t in range(1, len(white)):
+        lasting[t] = 0.5 * lasting[t - 1] + white[t]
+    assert _louder(white) == pytest.approx(1.0, abs=0.03)
+    assert _louder(lasting) == pytest.approx(np.sqrt(1.5 / 0.5), abs=0.05)
+    # what is the same in all frames is no noise
+    assert _louder(white + 30.0 * rng.normal(size=(3, 21, 2))) == pytest.approx(1.0, abs=0.03)
+    slow = np.cumsum(white, axis=0)
+    slow[5:9, 1] = np.nan
+    assert _louder(slow) == LASTING
+    assert _louder(white[:3]) == 1.0
 
 
 def test_a_hand_is_followed_through_the_pictures(joints):

@@ -16,7 +16,7 @@ from tools.bench.oracles import savgol
 from tools.bench.rendered.bones import learnt_offsets, moved_by
 from tools.bench.rendered.cases import Case
 from tools.bench.rendered.layout import Array
-from tools.bench.rendered.pictured import seen_in_picture
+from tools.bench.rendered.pictured import seen_by_cameras, seen_in_picture
 from tools.bench.rendered.profiles import Profiles
 
 WINDOWS = (3, 5, 7, 9, 11, 13, 15, 19, 25)
@@ -182,6 +182,18 @@ def with_picture(profiles: Profiles, filter: str, lens: bool = True) -> Method:
     return method
 
 
+def with_cameras(profiles: Profiles, filter: str) -> Method:
+    """The pictures of several cameras, as `track --camera` follows them; of others nothing."""
+
+    def method(case: Case) -> Estimate:
+        track = seen_by_cameras(case, profiles, filter)
+        if track is None:
+            return Estimate(np.full_like(case.joints, np.nan), None, "not of several cameras")
+        return _of(track)
+
+    return method
+
+
 def standard(
     all_cases: list[Case], shipped: bool = False, others: Many[Case] = ()
 ) -> dict[str, Method]:
@@ -211,6 +223,7 @@ def standard(
     for name in ("none", "fixed-lag", "rts"):
         said = "fit" if name == "none" else name
         rows[f"{said}, default of a video, profile"] = with_picture(profiles, name, lens=False)
+        rows[f"{said}, default of several cameras, profile"] = with_cameras(profiles, name)
     rows["rts, picture and its lens, profile"] = with_picture(profiles, "rts")
     rows["rts, true hand, profile (oracle)"] = true_hand_profiled(profiles, filter="rts")
     return rows

@@ -1,4 +1,4 @@
-"""One camera's joints and its picture together, as `handtrack track` fits them."""
+"""What cameras' pictures show, as `handtrack track` fits it: of one with its joints, of several."""
 
 from __future__ import annotations
 
@@ -9,10 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 import handtrack as ht
+from handtrack.hand.reshape import without_landmarks
+from handtrack.hand.skeleton import HANDS
 from handtrack.sequences.picture import Picture
 from handtrack.tracking.settings import TrackSettings
-from handtrack.video.pictured import fitted
+from handtrack.video.detections import Detections
+from handtrack.video.following import follow
+from handtrack.video.one_camera import hand_seen
+from handtrack.video.pictured import fitted, noise_told
+from handtrack.video.views import views_of
 from tools.bench.rendered.cases import TRIANGULATED, Case
+from tools.bench.rendered.layout import Clip
 
 
 def seen_in_picture(
@@ -48,3 +55,44 @@ def seen_in_picture(
         return None
     settings = TrackSettings().but(filter=filter, calibrate="none", noise_mm=found.noise_mm)
     return ht.track(found.sequence, found.model, settings=settings)
+
+
+def seen_by_cameras(
+    case: Case, profiles: Callable[[Case], str], filter: str = "none"
+) -> ht.Track | None:
+    """A case tracked in the pictures of its cameras; None where they are not several.
+
+    Args:
+        case: triangulated.
+        profiles: makes the profile of a case.
+        filter: as of `handtrack.track`.
+    """
+    clip = case.clip
+    if case.stored is None or clip.score is None:
+        return None
+    (views,) = views_of([_detections(clip, c) for c in range(len(clip.cameras))], clip.cameras)
+    settings = TrackSettings().but(filter=filter, detector=profiles(case))
+    hand = hand_seen(views, ht.HandModel.default(clip.hand), True, settings.detector)
+    followed = follow(views, hand.model, hand.shown, settings)
+    noise_mm = noise_told(followed, hand)
+    bare = without_landmarks(hand.fitted)
+    return ht.track(followed.sequence, bare, filter=filter, calibrate="none", noise_mm=noise_mm)
+
+
+def _detections(clip: Clip, camera: int) -> Detections:
+    """What one camera saw of the clip's hand."""
+    n = len(clip.time_ns)
+    # a case that is triangulated has both
+    image, scores = np.asarray(clip.image)[camera], np.asarray(clip.score)[camera]
+    seen = clip.seen(camera) & np.isfinite(image).all((1, 2))
+    shown = np.where(seen[:, None, None], image, np.nan)
+    score = np.where(seen, scores, 0.0)
+    return Detections(
+        clip.name,
+        clip.cameras[camera].size or (0, 0),
+        clip.time_ns,
+        np.arange(n),
+        {h: shown if h == clip.hand else np.full_like(shown, np.nan) for h in HANDS},
+        {h: np.full((n, 21, 3), np.nan) for h in HANDS},
+        {h: score if h == clip.hand else np.zeros(n) for h in HANDS},
+    )
