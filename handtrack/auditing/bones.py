@@ -21,7 +21,7 @@ SLOW = 31
 """Frames whose median is a slow part."""
 
 
-def spread(x: Array) -> Array:
+def robust_deviation(x: Array) -> Array:
     """Standard deviation (n,) of what is not far off, from the median of distances (T, n)."""
     return np.asarray(1.4826 * median(np.abs(x - median(x, 0)), 0))
 
@@ -39,7 +39,7 @@ def slow(x: Array, frames: int = SLOW) -> Array:
     return out
 
 
-def runs_of(marks: NDArray[np.bool_], least: int) -> list[tuple[int, int]]:
+def marked_runs(marks: NDArray[np.bool_], least: int) -> list[tuple[int, int]]:
     """First and last frame of every run of at least so many marked frames."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], marks, [False]]).astype(np.int8)))
     return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2) if b - a >= least]
@@ -68,9 +68,9 @@ def bone_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
     logs = np.where(np.isfinite(logs), logs, np.nan)
     size = median(logs - median(logs, 0), 1)[:, None]  # one camera's depth: all bones together
     off = logs - median(logs, 0) - size
-    numbers["bones_percent"] = 100 * float(nan_mean(np.expm1(spread(off))))
-    numbers["size_percent"] = 100 * float(np.expm1(spread(size)[0]))
-    most = np.maximum(_JUMP, _JUMP_SPREADS * spread(off))
+    numbers["bones_percent"] = 100 * float(nan_mean(np.expm1(robust_deviation(off))))
+    numbers["size_percent"] = 100 * float(np.expm1(robust_deviation(size)[0]))
+    most = np.maximum(_JUMP, _JUMP_SPREADS * robust_deviation(off))
     jumps = np.abs(off - slow(off)) > most
     if jumps.any():
         t, b = np.unravel_index(
@@ -85,10 +85,10 @@ def bone_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
         )
     breath = np.abs(slow(off)), np.abs(slow(size))
     # noise is averaged over the window, but not to nothing
-    bounds = np.maximum(_BREATH, 1.5 * spread(off - slow(off))), np.array([_BREATH])
+    bounds = np.maximum(_BREATH, 1.5 * robust_deviation(off - slow(off))), np.array([_BREATH])
     marks = _of_bones(breath[0] > bounds[0]) | (breath[1] > bounds[1])
     marks &= s.present
-    if runs_of(np.asarray(marks.any(1)), 2 * _LEAST_RUN):
+    if marked_runs(np.asarray(marks.any(1)), 2 * _LEAST_RUN):
         worst = max(float(np.nanmax(b)) for b in breath if not np.isnan(b).all())
         yield Finding(
             "bones breathe",
@@ -125,7 +125,7 @@ def side_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
     calm = slow(votes[:, None], _VOTES)[:, 0]
     numbers["chirality"] = float(median(votes, 0))
     wrong = calm < -_OPPOSITE
-    runs = runs_of(wrong, _LEAST_RUN)
+    runs = marked_runs(wrong, _LEAST_RUN)
     if runs:
         marks = np.zeros(s.present.shape, dtype=bool)
         for first, last in runs:

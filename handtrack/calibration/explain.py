@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from handtrack.calibration.bundle import Clip, Poses, solve
 from handtrack.calibration.centres import centred
 from handtrack.calibration.chains import SIZE, Chains
-from handtrack.calibration.frames import Material, excerpt, poses_of, sound
+from handtrack.calibration.material import Material, excerpt, poses_of, sound
 from handtrack.calibration.split import Split, residuals, split_of
 from handtrack.errors import InputError
 from handtrack.files.long_arrays import evenly

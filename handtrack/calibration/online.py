@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.calibration.calibrate import Calibration, calibrate
-from handtrack.calibration.frames import MIN_SEEN
+from handtrack.calibration.material import MIN_SEEN
 from handtrack.calibration.settings import MIN_FRAMES
 from handtrack.errors import InputError, SettingsError
 from handtrack.hand.model import HandModel

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from handtrack.calibration.bundle import Clip, Poses, Solution, solve
 from handtrack.calibration.chains import SIZE, Chains
-from handtrack.calibration.frames import Material, poses_of
 from handtrack.calibration.freedoms import DRIFT, Freedoms, by_constants, shape
+from handtrack.calibration.material import Material, poses_of
 from handtrack.detectors.profile import Noise
 from handtrack.hand.model import HandModel
 

@@ -91,7 +91,7 @@ def intervals(values: ArrayLike) -> Intervals:
     return Intervals(of_mean, _mirrored_ratio(series.std, std, blocks), block)
 
 
-def difference(a: ArrayLike, b: ArrayLike) -> Intervals:
+def paired_difference(a: ArrayLike, b: ArrayLike) -> Intervals:
     """How much greater mean and standard deviation of `a` are than those of `b`.
 
     Both are resampled by the same blocks, so that what is hard for both cancels out.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError
 from handtrack.evaluation.arrays import Array
-from handtrack.evaluation.bootstrap import Intervals, Uncertain, difference
+from handtrack.evaluation.bootstrap import Intervals, Uncertain, paired_difference
 from handtrack.evaluation.frame_match import match_frames
 from handtrack.evaluation.matching import same_name
 from handtrack.evaluation.measure import summary
@@ -199,7 +199,7 @@ def _difference(
     statistic: Statistic,
 ) -> PairedDifference:
     a, b = (common[name].frame_values[measure] for name in (first, second))
-    found: Intervals = difference(a, b)
+    found: Intervals = paired_difference(a, b)
     of = found.mean if statistic == "mean" else found.std
     both = ~(np.isnan(a) | np.isnan(b))
 

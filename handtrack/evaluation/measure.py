@@ -109,7 +109,7 @@ class Estimate:
         )
 
 
-def in_pictures(settings: Mapping[str, Any]) -> Spread | None:
+def reprojection_spread(settings: Mapping[str, Any]) -> Spread | None:
     """Of a hand that was fitted to the pictures of cameras: how far it is from them [px]."""
     pixels = reprojection_px(settings)
     if pixels is None:
@@ -206,7 +206,7 @@ def measure(
             estimate.settings,
         ),
     )
-    return replace(found, reprojection_px=in_pictures(estimate.settings))
+    return replace(found, reprojection_px=reprojection_spread(estimate.settings))
 
 
 def summary(

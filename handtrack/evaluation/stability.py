@@ -18,7 +18,7 @@ from handtrack.errors import InputError
 from handtrack.evaluation.arrays import sequence_of_points
 from handtrack.evaluation.frame_match import match_frames, rate_problem
 from handtrack.evaluation.matching import truth_problem
-from handtrack.evaluation.measure import Estimate, in_pictures, measure, pool
+from handtrack.evaluation.measure import Estimate, measure, pool, reprojection_spread
 from handtrack.evaluation.results import Against, Spread, Stability, StabilityReport
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.sequence import Sequence
@@ -180,7 +180,7 @@ def _best(estimate: Estimate) -> Against:
     if estimate.truth is not None:
         return "truth"
     # what was fitted to pictures is no observation: against it every error would be 0
-    fitted = estimate.observed is None or in_pictures(estimate.settings) is not None
+    fitted = estimate.observed is None or reprojection_spread(estimate.settings) is not None
     return "nothing" if fitted else "observed"
 
 

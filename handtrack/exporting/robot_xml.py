@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.exporting.robot import SPEED, TORQUE, Hinge, Link
-from handtrack.hand.capsule_shapes import SKIN_RGBA, add_capsule, add_skin_material, numbers
+from handtrack.hand.capsule_shapes import SKIN_RGBA, add_capsule, add_skin_material, as_text
 
 Array = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ def urdf(name: str, links: list[Link], base: str, meshes: dict[str, str]) -> Ele
 
 def _joint(robot: Element, name: str, kind: str, parent: str, child: str, offset: Array) -> Element:
     joint = SubElement(robot, "joint", name=name, type=kind)
-    SubElement(joint, "origin", xyz=numbers(offset), rpy="0 0 0")
+    SubElement(joint, "origin", xyz=as_text(offset), rpy="0 0 0")
     SubElement(joint, "parent", link=parent)
     SubElement(joint, "child", link=child)
     return joint
@@ -64,18 +64,18 @@ def _joint(robot: Element, name: str, kind: str, parent: str, child: str, offset
 
 def _hinge(robot: Element, hinge: Hinge, parent: str, child: str, offset: Array) -> None:
     joint = _joint(robot, hinge.name, "revolute", parent, child, offset)
-    SubElement(joint, "axis", xyz=numbers(hinge.axis))
+    SubElement(joint, "axis", xyz=as_text(hinge.axis))
     SubElement(
         joint,
         "limit",
-        lower=numbers((hinge.lower,)),
-        upper=numbers((hinge.upper,)),
-        effort=numbers((TORQUE,)),
-        velocity=numbers((SPEED,)),
+        lower=as_text((hinge.lower,)),
+        upper=as_text((hinge.upper,)),
+        effort=as_text((TORQUE,)),
+        velocity=as_text((SPEED,)),
     )
-    SubElement(joint, "dynamics", damping=numbers((DAMPING,)))
+    SubElement(joint, "dynamics", damping=as_text((DAMPING,)))
     if hinge.follows:
-        share = numbers((hinge.share,))
+        share = as_text((hinge.share,))
         SubElement(joint, "mimic", joint=hinge.follows, multiplier=share, offset="0")
 
 
@@ -100,11 +100,11 @@ def _link(robot: Element, link: Link, mesh: str | None) -> None:
 
 def _inertial(link: Element, mass: float, centre: Array, inertia: Array) -> None:
     inertial = SubElement(link, "inertial")
-    SubElement(inertial, "origin", xyz=numbers(centre), rpy="0 0 0")
-    SubElement(inertial, "mass", value=numbers((mass,)))
+    SubElement(inertial, "origin", xyz=as_text(centre), rpy="0 0 0")
+    SubElement(inertial, "mass", value=as_text((mass,)))
     ends = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2)}
     ends["izz"] = (2, 2)
-    SubElement(inertial, "inertia", {k: numbers((inertia[at],)) for k, at in ends.items()})
+    SubElement(inertial, "inertia", {k: as_text((inertia[at],)) for k, at in ends.items()})
 
 
 _ARMATURE = 1e-4
@@ -150,29 +150,29 @@ def mjcf(
 
 def _body(parent: Element, link: Link, skinned: bool) -> Element:
     if link.parent and not link.hinges:
-        SubElement(parent, "site", name=link.name, pos=numbers(link.offset), size="0.002")
+        SubElement(parent, "site", name=link.name, pos=as_text(link.offset), size="0.002")
         return parent
-    body = SubElement(parent, "body", name=link.name, pos=numbers(link.offset))
+    body = SubElement(parent, "body", name=link.name, pos=as_text(link.offset))
     full = link.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-    mass = numbers((link.mass,))
-    SubElement(body, "inertial", pos=numbers(link.centre), mass=mass, fullinertia=numbers(full))
+    mass = as_text((link.mass,))
+    SubElement(body, "inertial", pos=as_text(link.centre), mass=mass, fullinertia=as_text(full))
     for hinge in link.hinges:
         SubElement(
             body,
             "joint",
             name=hinge.name,
-            axis=numbers(hinge.axis),
-            range=numbers((hinge.lower, hinge.upper)),
-            damping=numbers((DAMPING,)),
-            armature=numbers((_ARMATURE,)),
+            axis=as_text(hinge.axis),
+            range=as_text((hinge.lower, hinge.upper)),
+            damping=as_text((DAMPING,)),
+            armature=as_text((_ARMATURE,)),
         )
     if skinned:
         look = {"material": "skin", "contype": "0", "conaffinity": "0", "group": "2"}
         SubElement(body, "geom", {"type": "mesh", "mesh": link.name, **look})
     for capsule in link.capsules:
-        ends = numbers(np.concatenate([capsule.first, capsule.last]))
+        ends = as_text(np.concatenate([capsule.first, capsule.last]))
         group = "3" if skinned else "2"
-        size = numbers((capsule.radius,))
+        size = as_text((capsule.radius,))
         SubElement(body, "geom", type="capsule", fromto=ends, size=size, group=group)
     return body
 
@@ -190,7 +190,7 @@ def _followers(root: Element, hinges: list[Hinge]) -> None:
     equality = SubElement(root, "equality")
     for hinge in hinges:
         if hinge.follows:
-            line = numbers((0.0, hinge.share, 0.0, 0.0, 0.0))
+            line = as_text((0.0, hinge.share, 0.0, 0.0, 0.0))
             SubElement(equality, "joint", joint1=hinge.name, joint2=hinge.follows, polycoef=line)
 
 
@@ -203,7 +203,7 @@ def _motors(root: Element, hinges: list[Hinge]) -> None:
                 "position",
                 name=hinge.name,
                 joint=hinge.name,
-                kp=numbers((_STIFFNESS,)),
-                ctrlrange=numbers((hinge.lower, hinge.upper)),
-                forcerange=numbers((-TORQUE, TORQUE)),
+                kp=as_text((_STIFFNESS,)),
+                ctrlrange=as_text((hinge.lower, hinge.upper)),
+                forcerange=as_text((-TORQUE, TORQUE)),
             )

@@ -47,7 +47,7 @@ def joint_capsules(model: HandModel) -> list[tuple[Capsule, ...]]:
     return [tuple(capsules) for capsules in made]
 
 
-def numbers(values: Array | tuple[float, ...]) -> str:
+def as_text(values: Array | tuple[float, ...]) -> str:
     """Values as text, with more digits than float32 holds."""
     return " ".join(f"{x:.9g}" for x in np.asarray(values, np.float64).ravel() + 0.0)
 
@@ -66,18 +66,18 @@ def add_capsule(link: Element, kind: str, capsule: Capsule) -> None:
         kind: "visual" or "collision".
         capsule: in the link's frame.
     """
-    along, radius = capsule.last - capsule.first, numbers((capsule.radius,))
+    along, radius = capsule.last - capsule.first, as_text((capsule.radius,))
     length = float(np.linalg.norm(along))
     pieces: list[tuple[str, Array, Array, dict[str, str]]] = [
         ("sphere", end, np.zeros(3), {"radius": radius}) for end in (capsule.first, capsule.last)
     ]
     middle = (capsule.first + capsule.last) / 2
-    tube = {"radius": radius, "length": numbers((length,))}
+    tube = {"radius": radius, "length": as_text((length,))}
     if length:
         pieces.append(("cylinder", middle, _roll_pitch_yaw(along / length), tube))
     for shape, origin, turn, size in pieces:
         made = SubElement(link, kind)
-        SubElement(made, "origin", xyz=numbers(origin), rpy=numbers(turn))
+        SubElement(made, "origin", xyz=as_text(origin), rpy=as_text(turn))
         SubElement(SubElement(made, "geometry"), shape, size)
         if kind == "visual":
             SubElement(made, "material", name="skin")

@@ -62,9 +62,7 @@ class MeshChoice:
         return ",".join(words) or "full"
 
     def rounded(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Vertices [m] as they are recorded."""
-        if not self.quantised:
-            return vertices
+        """Vertices [m] as they are recorded quantised."""
         return np.asarray(np.rint(vertices * STEPS_PER_METRE) / STEPS_PER_METRE)
 
 

@@ -70,7 +70,7 @@ class _Summary(msgspec.Struct):
     metadata: dict[str, str]
 
 
-class Spread:
+class RunningSpread:
     """Mean, quantiles and maximum of many numbers, in memory that does not grow.
 
     Quantiles come from bins on a logarithmic scale and are right to 0.3 %.
@@ -120,8 +120,8 @@ class HandSummary:
         self._head = head
         self._counts = dict.fromkeys(STATUSES, 0)
         self._events = dict.fromkeys(("info", "warning"), 0)
-        self._errors = {"observed": Spread(), "truth": Spread()}
-        self._intervals = Spread()
+        self._errors = {"observed": RunningSpread(), "truth": RunningSpread()}
+        self._intervals = RunningSpread()
         self._first: int | None = None
         self._last = 0
 
@@ -184,7 +184,7 @@ def _frame_errors(fitted: NDArray[np.float64], joints: NDArray[np.float64]) -> N
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def _millimetres(spread: Spread) -> dict[str, float | None]:
+def _millimetres(spread: RunningSpread) -> dict[str, float | None]:
     values = {
         "mean": spread.mean,
         "median": spread.quantile(0.5),

@@ -331,7 +331,9 @@ class HandWriter:
         """The skin's messages of a batch; none for frames without."""
         picked = np.arange(-(first + start) % self._mesh.every, len(times), self._mesh.every)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            vertices = self._mesh.rounded(self._vertices(part, picked + start))
+            vertices = self._vertices(part, picked + start)
+            if self._mesh.quantised:
+                vertices = self._mesh.rounded(vertices)
             made = {"mesh": foxglove.cloud_rows(times[picked], vertices)}
             if self._scene is not None:
                 made["skin"] = self._scene.rows(times[picked], vertices)

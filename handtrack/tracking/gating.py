@@ -27,9 +27,9 @@ from handtrack.tracking.outliers import (
     Mask,
     Place,
     Weeder,
-    lengths,
+    known_lengths,
     moved_by,
-    noise_of,
+    noise_left,
     place_of,
 )
 from handtrack.tracking.settings import TrackerSettings
@@ -162,7 +162,7 @@ class Gate:
                 if seen[t] > 0 and self._strays(observed[t], w[t], times_ns[t]).any():
                     return t
                 continue
-            noise, place = noise_of(objective, seen[t]), place_of(roots[t])
+            noise, place = noise_left(objective, seen[t]), place_of(roots[t])
             if worst[t] > self._look or self._doubt(noise, place, times_ns[t]):
                 return t
             self._believe(results, t, noise, place, times_ns[t])
@@ -205,7 +205,7 @@ class Gate:
             return NONE
         results, t = self._last
         marks = results.part(slice(t, t + 1)).landmarks(self._model)[0]
-        distance = lengths(observed - marks)
+        distance = known_lengths(observed - marks)
         reach = self._outlier + _JOINT_SPEED * 1e-9 * (time_ns - self._time_ns)
         return np.asarray((w > 0.0) & (distance > reach))
 

@@ -29,7 +29,7 @@ NONE: Mask = np.zeros(N_JOINTS, dtype=np.bool_)
 NONE.flags.writeable = False
 
 
-class Fitted(NamedTuple):
+class Attempt(NamedTuple):
     """A way to fit a frame.
 
     Attributes:
@@ -53,7 +53,7 @@ class Fitted(NamedTuple):
 
     @property
     def noise(self) -> float:
-        return noise_of(self.objective, float(self.results.rows["seen"][0]))
+        return noise_left(self.objective, float(self.results.rows["seen"][0]))
 
     @property
     def worst(self) -> float:
@@ -65,7 +65,7 @@ class Fitted(NamedTuple):
 
     def distance(self, observed: Array) -> Array:
         """(21,) of the joints seen to their fitted ones [m]; 0 where missing."""
-        return lengths(self.results.landmarks(self.model)[0] - observed)
+        return known_lengths(self.results.landmarks(self.model)[0] - observed)
 
 
 class Weeder:
@@ -75,17 +75,17 @@ class Weeder:
         """As `Results.run` has them."""
         self._program, self._model, self._min_joints = program, model, min_joints
 
-    def fit(self, observed: Array, w: Array, keep: Records) -> Fitted:
+    def fit(self, observed: Array, w: Array, keep: Records) -> Attempt:
         """The plain fit of a frame (21, 3), (21,), after what is kept."""
         results, kept = solver.Results(1, full=False), keep.copy()
         targets, weights = observed[None].copy(), w[None].copy()
         start, least = self._model.mean_angles, self._min_joints
         results.run(self._program, self._model, targets, weights, kept, start, least)
-        return Fitted(results, self._model, weights[0], kept)
+        return Attempt(results, self._model, weights[0], kept)
 
     def weeded(
         self, observed: Array, w: Array, keep: Records, look: float, outlier: float
-    ) -> Fitted:
+    ) -> Attempt:
         """The fit without the joints that are outliers.
 
         Joints are taken away from the worst on, and come back where the fit without them, or
@@ -144,13 +144,13 @@ def moved_by(a: Place, b: Place) -> float:
     return max(wrist, 0.5 * (wrist + math.dist(a[1], b[1])))
 
 
-def lengths(vectors: Array) -> Array:
+def known_lengths(vectors: Array) -> Array:
     """(21,) lengths of (21, 3); 0 for a missing one."""
     squared = (vectors * vectors).sum(-1)
     return np.sqrt(np.where(squared >= 0.0, squared, 0.0))
 
 
-def noise_of(objective: float, seen: float) -> float:
+def noise_left(objective: float, seen: float) -> float:
     """Deviation of the joints per coordinate [m] that a fit's residual shows.
 
     Few joints do not have 26 unknowns to explain them away: each leaves one at least.

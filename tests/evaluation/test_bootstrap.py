@@ -7,7 +7,7 @@ import pytest
 
 from handtrack.errors import InputError
 from handtrack.evaluation import bootstrap, resampling
-from handtrack.evaluation.bootstrap import difference, independent, intervals, student
+from handtrack.evaluation.bootstrap import independent, intervals, paired_difference, student
 from handtrack.evaluation.resampling import block_length
 
 
@@ -71,20 +71,20 @@ def test_pairing_cancels_what_is_hard_for_both():
     hard = walk(rng, 500, 0.95) * 3 + 10
     a, b = hard + rng.normal(0, 0.1, 500), hard + 0.1 + rng.normal(0, 0.1, 500)
     alone = intervals(a).mean
-    paired = difference(a, b).mean
+    paired = paired_difference(a, b).mean
     assert paired.value == pytest.approx((a - b).mean(), abs=1e-12)
     assert paired.high - paired.low < 0.05 * (alone.high - alone.low)
     assert paired.clear
     assert paired.high < 0
-    back = difference(b, a)
+    back = paired_difference(b, a)
     assert back.mean.low == pytest.approx(-paired.high)
-    assert difference(a, a).mean == bootstrap.Uncertain(0.0, 0.0, 0.0)
+    assert paired_difference(a, a).mean == bootstrap.Uncertain(0.0, 0.0, 0.0)
 
 
 def test_difference_of_deviations():
     rng = np.random.default_rng(5)
     a, b = rng.normal(0, 1, 2000), rng.normal(0, 1.3, 2000)
-    found = difference(a, b).std
+    found = paired_difference(a, b).std
     assert found.value == pytest.approx(a.std() - b.std(), abs=1e-12)
     assert found.clear
     assert found.low < -0.3 < found.high
@@ -98,7 +98,7 @@ def test_missing_frames_are_left_out():
     found = intervals(holes)
     assert found.mean.value == pytest.approx(np.nanmean(holes))
     assert found.mean.low < found.mean.value < found.mean.high
-    both = difference(holes, x)
+    both = paired_difference(holes, x)
     assert both.mean.value == pytest.approx(0, abs=1e-12)
 
 
@@ -201,7 +201,7 @@ def test_a_drift_is_too_few_blocks():
     found = intervals(np.linspace(1, 9, 120))
     assert "too few for an interval" in found.few
     assert intervals(np.linspace(1, 9, 120) + np.random.default_rng(0).normal(0, 0.01, 120)).few
-    both = difference(np.linspace(1, 3, 30), np.linspace(1, 3, 30)[::-1])
+    both = paired_difference(np.linspace(1, 3, 30), np.linspace(1, 3, 30)[::-1])
     assert not both.mean.clear
 
 
@@ -231,4 +231,4 @@ def test_same_series_same_interval():
 
 def test_shapes_must_agree():
     with pytest.raises(InputError, match="expected one of"):
-        difference([1.0, 2.0], [1.0])
+        paired_difference([1.0, 2.0], [1.0])

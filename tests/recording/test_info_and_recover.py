@@ -20,7 +20,7 @@ from handtrack.recording.read import read_mcap
 from handtrack.recording.recorder import McapRecorder
 from handtrack.recording.recover import recover
 from handtrack.recording.settings import MeshChoice
-from handtrack.recording.summary import Spread
+from handtrack.recording.summary import RunningSpread
 from handtrack.recording.write import write_mcap
 from handtrack.tracking.track import Track
 
@@ -97,7 +97,7 @@ def test_info_of_version_1() -> None:
 
 def test_spread_against_numpy() -> None:
     values = np.random.default_rng(0).lognormal(-6, 1, 5000)
-    spread = Spread()
+    spread = RunningSpread()
     for part in np.array_split(np.append(values, [np.nan, np.inf]), 7):
         spread.add(part)
     assert spread.count == 5000
@@ -105,7 +105,7 @@ def test_spread_against_numpy() -> None:
     assert spread.maximum == values.max()
     for part in (0.01, 0.5, 0.95, 1.0):
         assert spread.quantile(part) == pytest.approx(np.quantile(values, part), rel=2e-2)
-    assert Spread().mean is Spread().quantile(0.5) is None
+    assert RunningSpread().mean is RunningSpread().quantile(0.5) is None
 
 
 @pytest.mark.parametrize("stretches", [False, True])
