@@ -54,7 +54,7 @@ class Lens:
         return any(said is not None for said in vars(self).values())
 
     def is_of(self, inputs: tuple[Path, ...], reading: Reading) -> bool:
-        """Whether it is of the one camera that saw joints and their pictures: inputs as they are
+        """Whether it is of one camera that saw joints and their pictures: inputs as they are
         read without a lens.
 
         Raises:

@@ -87,6 +87,16 @@ class _Viewer(Live):
         self._viewer.wait()
 
 
+def check_live(live: bool, connect: str | None) -> None:
+    """Whether the values of `live_options` go together.
+
+    Raises:
+        SettingsError: `connect` is given without `live`.
+    """
+    if connect is not None and not live:
+        raise SettingsError("--connect belongs to --live")
+
+
 def live_view(live: bool, connect: str | None, sequences: list[Sequence], mesh: bool) -> Live:
     """What shows the hands that are tracked.
 
@@ -96,11 +106,9 @@ def live_view(live: bool, connect: str | None, sequences: list[Sequence], mesh: 
         mesh: show the skin.
 
     Raises:
-        SettingsError: `connect` is no address, or given without `live`.
+        SettingsError: `connect` is no address.
         HandtrackError: there is no viewer, or none can be opened.
     """
     if not live:
-        if connect is not None:
-            raise SettingsError("--connect belongs to --live")
         return Live()
     return _Viewer(connect, sequences, mesh)

@@ -12,7 +12,7 @@ from handtrack.cli.cameras import Lens, from_cameras
 from handtrack.cli.helping import Command
 from handtrack.cli.inputs import Reading
 from handtrack.cli.job import Made, Work
-from handtrack.cli.live_view import live_options, live_view
+from handtrack.cli.live_view import check_live, live_options, live_view
 from handtrack.cli.models import hand_model_option, model_options, take_models
 from handtrack.cli.options import (
     is_default,
@@ -82,6 +82,7 @@ def track(
     without -o is recordings/NAME.mcap, in -o OUT/ by its name; with -o FILE.mcap they share one.
     What cannot be read is named and skipped. Images are unrelated pictures; with --fps, a clip.
     """
+    check_live(live, connect)
     (settings, limits), recording = take_tracking(options), take_recording(options)
     settings = settings.but(picture=not no_picture)
     mano = {name: options[name] for name in ("mano", "mano_tips")}

@@ -1,8 +1,9 @@
 """Build the site: sources and generated pages in a temporary folder, by Sphinx, warnings refused.
 
-    python -m tools.docs.build OUT [--fast]
+    python -m tools.docs.build OUT [--fast] [--links]
 
-With --fast the notebooks and the gallery are shown, not run.
+With --fast the notebooks and the gallery are shown, not run. With --links types link into the
+references of Python, NumPy and SciPy, of those that can be had.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import tempfile
 from pathlib import Path
 
 from tools.docs import generated
+from tools.docs.elsewhere import LINKED, to_be_had
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -69,7 +71,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("out", type=Path)
     parser.add_argument("--fast", action="store_true", help="run no notebook and no example")
+    parser.add_argument("--links", action="store_true", help="link into other projects' references")
     options = parser.parse_args(arguments)
+    if options.links:
+        os.environ[LINKED] = ",".join(to_be_had())
     status = build(options.out, options.fast)
     if status == 0:
         print(options.out / "index.html")

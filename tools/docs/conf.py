@@ -10,6 +10,7 @@ from sphinx import addnodes
 
 from handtrack import __version__
 from tools.docs.docstrings import inherited, restructured, short_types
+from tools.docs.elsewhere import LINKED, OTHERS
 
 project = "handtrack"
 author = "the handtrack developers"
@@ -72,16 +73,10 @@ default_role = "py:obj"
 smartquotes = False  # they make one dash of an option's two, and code of no use of its quotes
 python_use_unqualified_type_names = True
 
-# links into other projects' references need the network: asked for, never needed
-intersphinx_mapping = (
-    {
-        "python": ("https://docs.python.org/3", None),
-        "numpy": ("https://numpy.org/doc/stable", None),
-        "scipy": ("https://docs.scipy.org/doc/scipy", None),
-    }
-    if os.environ.get("HANDTRACK_DOCS_INTERSPHINX")
-    else {}
-)
+# links into other projects' references need the network: `tools.docs.build --links` says into which
+intersphinx_mapping = {
+    name: (OTHERS[name], None) for name in os.environ.get(LINKED, "").split(",") if name
+}
 
 
 def setup(app: Any) -> None:
