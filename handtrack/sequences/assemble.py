@@ -18,6 +18,7 @@ from handtrack.sequences.marks import marked
 from handtrack.sequences.picture import Picture, is_share
 from handtrack.sequences.readers.pictures import refuse_picture
 from handtrack.sequences.readers.raw import METRES, Array, Raw, Unit
+from handtrack.sequences.repeated_rows import without_repeats
 from handtrack.sequences.sequence import Sequence
 from handtrack.sequences.size import palm_length
 from handtrack.sequences.skeleton_check import Picks
@@ -78,6 +79,7 @@ def assemble(raw: Raw, given: Given, judge: bool = True) -> Sequence:
             file, joints far from everything, or anything that `Sequence` refuses.
     """
     refuse_picture(raw)
+    raw = without_repeats(raw)
     if given.order == AXIS_MAJOR:
         truth = None if raw.truth is None else ordered_by_axis(raw.truth)
         raw = replace(raw, joints=ordered_by_axis(raw.joints), truth=truth)

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
-from handtrack.hand.skeleton import FINGERS
+from handtrack.hand.skeleton import FINGERS, N_JOINTS
 from handtrack.sequences.names import FINGER, KEPT
 
 _AXIS = r"(?:[_ .:-]*(?P<axis>[xyzXYZ]))?(?P<unit>[_ .(\[]*(?:mm|cm|m)[)\]]?)?"
@@ -29,6 +29,8 @@ _BY_NUMBER = re.compile(
 _WRIST = re.compile(
     rf"(?:{_LETTER_SIDE.replace('side', 'letter')}|{_SIDE})(?:w|wr|wri|wrs){_AXIS}", re.IGNORECASE
 )
+_BY_AXIS = re.compile(r"([lr])[_ ]?([xyz])[_ ]?(\d{1,2})", re.IGNORECASE)
+_SIDES = {"l": "left", "r": "right"}
 _FINGER_OF = {"t": 0, "i": 1, "m": 2, "r": 3, "p": 4, "l": 4, "s": 4}
 _SPELT = {"prox": "proximal", "dist": "distal"}
 _FEWEST, _MOST = 3, 5
@@ -70,6 +72,10 @@ def spelt_out(names: Sequence[str]) -> list[str]:
 
 @lru_cache(KEPT // 16)
 def _spelt_out(names: tuple[str, ...]) -> tuple[str, ...]:
+    axes = [m for name in names if (m := _match(_BY_AXIS, name)) is not None]
+    if len({m[0].lower() for m in axes}) in (3 * N_JOINTS, 6 * N_JOINTS):
+        spelt = {m[0]: f"{_SIDES[m[1].lower()]}_{m[2]}{m[3]}" for m in axes}
+        return tuple(spelt.get(name, name) for name in names)
     for way in (_BY_LETTER, _BY_LETTERS, _BY_NUMBER):
         matches = {name: _match(way, name) for name in dict.fromkeys(names)}
         short = {name: _Short(match) for name, match in matches.items() if match is not None}

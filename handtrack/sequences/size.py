@@ -26,6 +26,8 @@ _ADULT = np.array(
 )
 _ADULT_PALM = 0.088
 _LOOK = 1000
+_OTHER_UNIT = 50
+"""What is so many times another hand is in another unit, and not badly measured."""
 
 
 def palm_length(joints: Array) -> float:
@@ -98,12 +100,23 @@ def check_sizes(hands: list[Array], units: list[Unit], path: Path) -> list[str |
 
     Raises:
         WrongUnit: all that can be measured are absurdly large or small.
+        InputError: one is in another unit.
     """
     palms = [palm_length(joints) for joints in hands]
     wrong = [is_absurd(palm) for palm in palms]
     if any(wrong) and not any(map(is_plausible, palms)):
         worst = wrong.index(True)
         raise WrongUnit(palms[worst], units[worst], path)
+    known = [palm for palm in palms if is_plausible(palm)]
+    for palm, unit in zip(palms, units, strict=True):
+        if known and is_absurd(palm) and not 1 / _OTHER_UNIT < palm / known[0] < _OTHER_UNIT:
+            other = WrongUnit(palm, unit).fits
+            if other is not None:
+                raise InputError(
+                    f"one hand is {palm:.3g} m from wrist to knuckles, another {known[0]:.3g} m"
+                    f" with unit {unit}: the first would be in {other}; write both in one unit",
+                    path,
+                )
     notes: list[str | None] = []
     for palm in palms:
         usual = np.isnan(palm) or USUAL_PALM[0] <= palm <= USUAL_PALM[1]

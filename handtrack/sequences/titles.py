@@ -105,10 +105,19 @@ def is_frame_number(name: str) -> bool:
 
 
 @lru_cache(KEPT)
+def side_if_true(name: str) -> Hand | None:
+    """The hand that a name asks for ("is_right"), None of other names."""
+    given = words(name)
+    return without_hand(given[1:])[0] if given[:1] == ("is",) and len(given) < 4 else None
+
+
+@lru_cache(KEPT)
 def is_hand_label(name: str) -> bool:
     """Whether a name is of what tells left from right."""
     given = set(words(name))
-    return bool(given & HAND_LABEL) and given <= HAND_LABEL | MAYBE_HAND | {"multi"}
+    return side_if_true(name) is not None or (
+        bool(given & HAND_LABEL) and given <= HAND_LABEL | MAYBE_HAND | {"multi"}
+    )
 
 
 @lru_cache(KEPT)

@@ -173,3 +173,86 @@ def test_a_few_lists_of_landmarks_are_frames_or_hands_by_where_they_are(tmp_path
         ht.load(path)
     (frames,) = ht.load(path, key="landmarks")
     assert len(frames) == 2
+
+
+@pytest.mark.parametrize("suffix", ["json", "csv"])
+def test_a_folder_of_one_file_a_frame_has_a_sequence_of_each_hand(tmp_path, left, right, suffix):
+    for i, (a, b) in enumerate(zip(left, right, strict=True)):
+        path = tmp_path / f"frame_{i + 3:04d}.{suffix}"
+        if suffix == "json":
+            hands = {"left": a.tolist(), "right": b.tolist()} if i != 1 else {"right": b.tolist()}
+            path.write_text(json.dumps({"time": i / 60, **hands}))
+        else:
+            path.write_text("x,y,z\n" + "\n".join(",".join(map(str, p)) for p in b.tolist()))
+    found = {s.hand: s for s in ht.load(tmp_path)}
+    np.testing.assert_allclose(found["right"].joints, right, atol=1e-12)
+    assert found["right"].frame_index[0] == 3
+    if suffix == "json":
+        assert found["right"].fps == pytest.approx(60)
+        assert np.isnan(found["left"].joints[1]).all()
+        np.testing.assert_allclose(found["left"].joints[2:], left[2:], atol=1e-12)
+    else:
+        assert len(found) == 1
+
+
+def test_rows_that_stand_twice_are_left_out(tmp_path, right):
+    records = [{"time": i / 30, "joints": f.tolist()} for i, f in enumerate(right) for _ in (0, 1)]
+    path = put(tmp_path / "a.jsonl", map(json.dumps, records))
+    found = same(path, right)["right"]
+    assert found.fps == pytest.approx(30)
+    assert any("the row before again" in note for note in found.notes)
+
+
+def test_hands_of_one_file_in_different_units_are_refused(tmp_path, left, right):
+    records = [
+        {"left": (a * 1000).tolist(), "right": b.tolist()} for a, b in zip(left, right, strict=True)
+    ]
+    with pytest.raises(InputError, match="would be in mm; write both in one unit"):
+        ht.load(put(tmp_path / "a.json", [json.dumps(records)]))
+
+
+def test_confidences_of_nothing_beside_lost_frames(tmp_path, right):
+    lines = ["frame,hand,landmark,x,y,z,visibility"]
+    for i, frame in enumerate(right):
+        cells = [f"{k},{x},{y},{z},0.0" for k, (x, y, z) in enumerate(frame.tolist())]
+        lines += [f"{i},,,,,,"] if i == 1 else [f"{i},Right,{c}" for c in cells]
+    truth = right.copy()
+    truth[1] = np.nan
+    same(put(tmp_path / "a.csv", lines), truth)
+
+
+def test_one_frame_of_landmarks_in_a_picture_is_not_read_as_metres(tmp_path, right):
+    seen = right[0] - right[0, :1] + [0.4, 0.6, 0.0]
+    with pytest.raises(InputError, match="landmarks in a picture"):
+        ht.load(put(tmp_path / "a.json", [json.dumps({"landmarks": seen.tolist()})]))
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_counted_columns_beside_a_label(tmp_path, right, first):
+    rows = [",".join(map(str, [*f.ravel(), "fist"])) for f in right]
+    numbers = [*map(str, range(first, first + 63))]
+    same(put(tmp_path / "a.csv", [",".join([*numbers, "label"]), *rows]), right)
+    same(put(tmp_path / "b.csv", [",".join([*(f"f{k}" for k in numbers), "label"]), *rows]), right)
+
+
+def test_sides_in_short_titles_and_as_truths(tmp_path, left, right):
+    head = ",".join(f"{h}{a}{j}" for h in "lr" for j in range(21) for a in "xyz")
+    rows = [",".join(map(str, [*a.ravel(), *b.ravel()])) for a, b in zip(left, right, strict=True)]
+    found = same(put(tmp_path / "a.csv", [head, *rows]), right)
+    np.testing.assert_allclose(found["left"].joints, left, atol=1e-9)
+    lines = ["t,is_right," + ",".join(f"{a}{j}" for j in range(21) for a in "xyz")]
+    for i, (a, b) in enumerate(zip(left, right, strict=True)):
+        lines += [",".join(map(str, [i / 30, h, *f.ravel()])) for h, f in (("False", a), (True, b))]
+    found = same(put(tmp_path / "b.csv", lines), right)
+    np.testing.assert_allclose(found["left"].joints, left, atol=1e-9)
+    rows = [",".join(map(str, [i / 30, "R", *f.ravel()])) for i, f in enumerate(right)]
+    assert same(put(tmp_path / "c.txt", rows), right)["right"].fps == pytest.approx(30, rel=1e-3)
+
+
+@pytest.mark.parametrize("axes", [(1, 2, 0), (2, 1, 0)])
+def test_arrays_with_the_frames_last(tmp_path, right, axes):
+    clip = np.concatenate([right] * (60 // len(right) + 1))
+    np.save(tmp_path / "a.npy", clip.transpose(axes))
+    same(tmp_path / "a.npy", clip)
+    np.save(tmp_path / "b.npy", np.stack([clip * [-1, 1, 1], clip]))
+    assert sorted(s.hand for s in ht.load(tmp_path / "b.npy")) == ["left", "right"]

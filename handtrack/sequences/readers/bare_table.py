@@ -67,7 +67,8 @@ def with_texts(table: Table) -> list[str] | None:
         return None
     few = [table.cells(row)[others[0]] for row in range(min(3, len(table.lines)))]
     counts = len({*few}) == 3 and all(c.isdigit() for c in few)
-    extra = {others[0 if counts else -1]} if n > 3 * N_JOINTS else set()
+    is_time = not counts and others[0] < texts[0] and _goes_on(table, others[0])
+    extra = {others[0 if counts or is_time else -1]} if n > 3 * N_JOINTS else set()
     numbers = iter([f"{axis}{j}" for j in range(N_JOINTS) for axis in "xyz"])
     titles = []
     for c, cell in enumerate(table.first):
@@ -75,9 +76,19 @@ def with_texts(table: Table) -> list[str] | None:
             time = cell[:1].isdigit() and ":" in cell
             titles.append("timestamp" if time else "hand" if as_side(cell) else f"label {c}")
         else:
-            name = "frame" if counts else f"label {c}"
+            name = "frame" if counts else "time" if is_time else f"label {c}"
             titles.append(name if c in extra else next(numbers))
     return titles
+
+
+def _goes_on(table: Table, column: int) -> bool:
+    """Whether a column's numbers rise and never fall: times."""
+    try:
+        values = np.array([float(cell) for cell in table.texts(column)])
+    except (ValueError, IndexError):
+        return False
+    steps = np.diff(values)
+    return len(steps) > 0 and bool((steps >= 0).all()) and bool((steps > 0).any())
 
 
 LABELLED = "64 columns without titles: the last one is none of a hand and was left out"

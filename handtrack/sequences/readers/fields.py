@@ -23,6 +23,7 @@ from handtrack.hand.skeleton import N_JOINTS, ORDER_JOINTS
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.joint_order import with_as_many
 from handtrack.sequences.names import UNUSED, as_side, joint_name, words
+from handtrack.sequences.readers.array_axes import frames_first, of_poses
 from handtrack.sequences.readers.jsontext import nested_array, nested_numbers, numbers
 from handtrack.sequences.readers.raw import (
     METRES,
@@ -288,7 +289,7 @@ def as_frames(value: Any, path: Path, what: str = "joints") -> Array:
         array = array[0]  # one sequence of a batch
     if array.ndim == 4 and array.shape[1] in (1, 2) and array.shape[2] in JOINT_COUNTS:
         array = array.reshape(len(array), -1, array.shape[3])  # hands of a frame
-    array = _of_poses(array)
+    array = of_poses(frames_first(array))
     shape = array.shape
     counts = [*JOINT_COUNTS, *PAIRS]
     flat_sizes = [3 * n for n in counts]
@@ -312,20 +313,6 @@ def as_frames(value: Any, path: Path, what: str = "joints") -> Array:
     if not len(frames):
         raise InputError(f"{what} holds no frames", path)
     return by_blocks(lambda part: part.astype(np.float64), frames)
-
-
-def _of_poses(array: NDArray[Any]) -> NDArray[Any]:
-    """The places of poses (T, N, 7), with their quaternions behind, or (T, N, 4, 4); of anything
-    else the same."""
-    if array.ndim == 3 and array.shape[2] == 7 and array.shape[1] in JOINT_COUNTS:
-        length = np.linalg.norm(array[..., 3:], axis=-1)
-        whole = np.isfinite(length) & (length > 0)
-        turns = whole.any() and bool((np.abs(length[whole] - 1) < 0.01).all())
-        return array[..., :3] if turns else array
-    if array.ndim == 4 and array.shape[2:] == (4, 4) and array.shape[1] in JOINT_COUNTS:
-        by_rows = not np.nan_to_num(array[..., 3, :3]).any()
-        return array[..., :3, 3] if by_rows else array[..., 3, :3]
-    return array
 
 
 def frame_numbers(value: Any, n: int, path: Path, what: str) -> NDArray[np.int64]:

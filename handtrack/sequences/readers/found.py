@@ -27,7 +27,7 @@ from handtrack.sequences.titles import (
 CONTAINERS: tuple[str, ...] = (
     *("hands", "hand_data", "handData", "data", "payload", "msg", "message", "result", "results"),
     *("hand_tracking", "handTracking", "tracking", "detections", "people", "hand_poses", "poses"),
-    *("hand", "frame"),
+    *("hand", "frame", "inputSources", "input_sources"),
 )
 _3D = re.compile(r"(?<![0-9])3[dD](?![a-z])")
 _HOLDERS = frozenset(CONTAINERS)

@@ -316,7 +316,7 @@ def _placed(
         sure[groups.of_row[at], joint[at]] *= given[at]
     elif not confident.any():
         return joints, None
-    return joints, usable_confidence(sure)
+    return joints, usable_confidence(sure, joints)
 
 
 def _timed(

@@ -20,23 +20,27 @@ ONLY_XY = (
 )
 AT_ZERO = 1e-3
 """The wrist's z, which MediaPipe measures the others' from, as a share of the hand's extent."""
+_AWAY = 0.05
+"""So far from x and y of 0 the wrist of one frame in a picture is, as a share of it."""
 
 
 def seen_in_picture(raw: Raw, normalised: bool = False) -> Raw:
     """The same, marked where it is MediaPipe's landmarks in the picture: the wrist's z is 0 by
-    definition, x and y are not. One frame tells where the source calls them normalised."""
+    definition, x and y are not."""
     known = raw.unit is not None or raw.picture
     if known or raw.joints.shape[1] != 21 or raw.order not in (None, "handtrack"):
         return raw
     whole = by_blocks(lambda x: np.isfinite(x.reshape(len(x), -1)).all(1), raw.joints)
-    if whole.sum() < (1 if normalised else 2) or _deep_at_the_wrist(raw.joints, whole):
+    if not whole.any() or _deep_at_the_wrist(raw.joints, whole):
         return raw
     seen = raw.joints[whole]
     wrist = seen[:, 0]
     with np.errstate(over="ignore"):  # what extends so far is no hand
         extent = float(np.ptp(seen, axis=(0, 1)).max())
     flat = np.abs(wrist[:, 2]).max() < AT_ZERO * extent
-    moves = normalised or np.ptp(wrist[:, :2], axis=0).max() > 10 * AT_ZERO * extent
+    # a hand in its own frame is about its wrist
+    away = len(seen) == 1 and np.abs(wrist[:, :2]).min() > _AWAY * extent
+    moves = normalised or away or np.ptp(wrist[:, :2], axis=0).max() > 10 * AT_ZERO * extent
     deep = float(np.ptp(seen[..., 2])) > 0
     if not (flat and moves and deep) or seen[..., :2].min() < -0.5:
         return raw

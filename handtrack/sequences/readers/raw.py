@@ -130,11 +130,13 @@ def take_rows(raw: Raw, rows: NDArray[np.int64]) -> Raw:
     )
 
 
-def usable_confidence(values: Array) -> Array | None:
+def usable_confidence(values: Array, joints: Array | None = None) -> Array | None:
     """Confidence as it is meant: below 0 is 0 (Aria marks a lost hand with -1), missing ones are
-    sure; none at all where all are 0, as MediaPipe writes what it does not know."""
+    sure; none at all where all are 0, as MediaPipe writes what it does not know, of the joints
+    (..., 3) that are there."""
     known = np.clip(np.nan_to_num(values, nan=1.0), 0, None)
-    return known if known.any() else None
+    said = known if joints is None else known[np.isfinite(joints).all(-1)]
+    return known if said.any() else None
 
 
 def as_hand(value: object, path: Path, where: str = "hand") -> Hand:

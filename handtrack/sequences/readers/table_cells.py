@@ -14,7 +14,7 @@ from handtrack.errors import InputError
 from handtrack.sequences.readers.columns_at_once import LARGE, MISSING, AtOnce, Coded
 from handtrack.sequences.readers.label_cells import as_table
 from handtrack.sequences.readers.raw import Array
-from handtrack.sequences.readers.table_lines import lines_of, unquoted, without_titles
+from handtrack.sequences.readers.table_lines import lines_of, unquoted, without_last, without_titles
 from handtrack.sequences.readers.table_places import (
     NORMALISED,
     SEPARATOR,
@@ -217,7 +217,7 @@ def read_cells(data: bytes, path: Path) -> Table:
             titles = [said]
     body = _points(body, separator)
     joined = _numbered(_joined(titles))
-    body = _without_last(body, separator, joined)
+    body = without_last(body, separator, joined)
     normalised = any(NORMALISED in line for line in body[:_FIRST])
     apart = spread(body, places, lambda line: _cells(line, separator), joined, path)
     if apart is not None:
@@ -261,7 +261,7 @@ def _title_lines(lines: list[str], separator: str | None) -> int:
         cells = _cells(line, separator)
         full = [c for c in cells if c.lower() not in MISSING]
         numbers = [c for c in full if is_number(c) or is_place(c)]
-        if n == 0 and len(numbers) == len(full) > 1 and _counts(cells):
+        if n == 0 and len(numbers) > 1 and _counts(cells):
             continue
         if numbers and len(numbers) >= len(full) / 2:
             return n
@@ -287,6 +287,10 @@ def _counts(cells: list[str]) -> bool:
     """Whether cells are 0, 1, 2, ... or 1, 2, 3, ...: the titles of columns without names."""
     if len(cells) > 9 and cells[0] == "":
         cells = cells[1:]
+    counted = [cell for cell in cells if is_number(cell)]
+    cells = counted if len(counted) > len(cells) - 4 else cells  # a label beside them
+    if not cells:
+        return False
     begin = cells[0]
     if len(cells) < 9 or begin not in ("0", "1"):
         return False
@@ -334,16 +338,3 @@ def _points(lines: list[str], separator: str | None) -> list[str]:
         if "," in line and any(_DECIMAL_COMMA.fullmatch(c) for c in _cells(line, separator)):
             return [line.replace(",", ".") for line in lines]
     return lines
-
-
-def _without_last(lines: list[str], separator: str | None, titles: list[str] | None) -> list[str]:
-    """Lines without a separator at the end that separates nothing."""
-    if (
-        separator is None
-        or not lines
-        or not all(li.rstrip(" ").endswith(separator) for li in lines)
-    ):
-        return lines
-    if titles is not None and lines[0].count(separator) != len(titles):
-        return lines
-    return [line.rstrip(" ")[:-1] for line in lines]

@@ -131,3 +131,16 @@ def without_titles(
     lost = [i for i, line in enumerate(body) if line == titles[-1]]
     again = sorted({bisect_left(kept, row) for row in lost} - {0, len(kept)})
     return [body[i] for i in kept], [places[i] for i in kept], again
+
+
+def without_last(lines: list[str], separator: str | None, titles: list[str] | None) -> list[str]:
+    """Lines without a separator at the end that separates nothing."""
+    if (
+        separator is None
+        or not lines
+        or not all(li.rstrip(" ").endswith(separator) for li in lines)
+    ):
+        return lines
+    if titles is not None and lines[0].count(separator) != len(titles):
+        return lines
+    return [line.rstrip(" ")[:-1] for line in lines]

@@ -18,7 +18,7 @@ from handtrack.sequences.readers.fields import FINEST
 from handtrack.sequences.readers.raw import Raw, as_hand, take_rows
 from handtrack.sequences.readers.table_cells import Table
 from handtrack.sequences.readers.table_columns import Columns
-from handtrack.sequences.titles import time_unit
+from handtrack.sequences.titles import side_if_true, time_unit
 
 
 def stamps_in(
@@ -118,10 +118,17 @@ def by_hand(
     return raws
 
 
+_TRUE, _FALSE = {"true", "1", "1.0", "yes"}, {"false", "0", "0.0", "no"}
+
+
 def _side(cell: str, row: int, table: Table, title: str) -> str:
     """ "left", "right", a number, or nothing."""
     if cell.lower() in MISSING:
         return ""
+    asked = side_if_true(title)
+    if asked is not None and cell.lower() in _TRUE | _FALSE:
+        other = "left" if asked == "right" else "right"
+        return asked if cell.lower() in _TRUE else other
     if cell in ("0", "1", "0.0", "1.0"):
         return cell[0]
     side = as_side(cell)

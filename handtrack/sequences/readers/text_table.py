@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from handtrack.errors import InputError
+from handtrack.hand.skeleton import N_JOINTS
 from handtrack.sequences.names import AXES, words
 from handtrack.sequences.readers.aria import InDevice
 from handtrack.sequences.readers.bare_table import read_bare, with_texts
@@ -78,7 +79,7 @@ def _read(table: Table, path: Path) -> list[Raw]:
         return _read_titled(replace(table, titles=titles), titles, path)
     if table.titles is None or all(c.isdigit() or not c for c in table.titles):
         return read_bare(table, path)
-    table.titles = plain_axes(worlds_only(doubled(spelt_out(table.titles))))
+    table.titles = plain_axes(worlds_only(doubled(spelt_out(counted(table.titles)))))
     if table.width > _MOST_COLUMNS:
         raise NotJointsError(f"a table of {table.width} columns is of no hands", path)
     bones = ends_as_joints(table)
@@ -217,6 +218,23 @@ def plain_axes(titles: list[str]) -> list[str]:
     return plain if len(set(plain)) == len(set(titles)) else titles
 
 
+_COUNTED = re.compile(r"(?i)(|f|feature|v|var|col|column|kp|coord|val|value|p|lm|x)[ _]?(\d{1,3})")
+
+
+def counted(titles: list[str]) -> list[str]:
+    """Titles of a hand's 63 numbers that only count them, beside those of a label or a time, as
+    those of its joints."""
+    found = {c: m for c, t in enumerate(titles) if (m := _COUNTED.fullmatch(t)) is not None}
+    numbers = [int(m[2]) for m in found.values()]
+    alike = len({m[1].lower() for m in found.values()}) == 1
+    if not alike or len(found) == len(titles) or len(numbers) != 3 * N_JOINTS:
+        return titles
+    if numbers != list(range(numbers[0], numbers[0] + 3 * N_JOINTS)) or numbers[0] > 1:
+        return titles
+    named = dict(zip(found, (f"joint {k // 3} {'xyz'[k % 3]}" for k in range(63)), strict=True))
+    return [named.get(c, title) for c, title in enumerate(titles)]
+
+
 def is_manus(titles: list[str]) -> bool:
     """Whether a table is Manus Core's, by the joints that no other calls so."""
     there = {t.lower().replace("_position", "").rpartition("_")[0] for t in titles}
@@ -239,7 +257,7 @@ def _joints(table: Table, titles: list[str], places: HandColumns) -> tuple[Array
         # a whole hand's confidence counts for each joint
         rows = slice(None) if joint == -1 else joint
         confidence[:, rows] *= said[:, None] if joint == -1 else said
-    return joints, usable_confidence(confidence)
+    return joints, usable_confidence(confidence, joints)
 
 
 FORMATS = (
