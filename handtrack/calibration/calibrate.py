@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.calibration.bundle import Solution
-from handtrack.calibration.centres import centred
 from handtrack.calibration.chains import SIZE, Chains
 from handtrack.calibration.freedoms import FEW, freedoms, unknown
-from handtrack.calibration.material import MIN_SEEN, Material, chosen, excerpt
+from handtrack.calibration.material import MIN_SEEN, Material, centred, chosen, excerpt
 from handtrack.calibration.proportions import Proportions, proportions
 from handtrack.calibration.rounds import Round
 from handtrack.calibration.settings import METHODS, MIN_FRAMES, CalibrationSettings

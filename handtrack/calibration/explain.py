@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.calibration.bundle import Clip, Poses, solve
-from handtrack.calibration.centres import centred
 from handtrack.calibration.chains import SIZE, Chains
-from handtrack.calibration.material import Material, excerpt, poses_of, sound
+from handtrack.calibration.material import Material, centred, excerpt, poses_of, sound
 from handtrack.calibration.split import Split, residuals, split_of
 from handtrack.errors import InputError
 from handtrack.files.long_arrays import evenly

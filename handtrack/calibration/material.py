@@ -1,4 +1,4 @@
-"""The frames of a clip that a calibration looks at."""
+"""The frames of a clip that a calibration looks at, as joint centres."""
 
 from __future__ import annotations
 
@@ -145,3 +145,23 @@ def poses_of(model: HandModel, results: solver.Results, index: NDArray[np.int64]
     rotation = results.roots[index, :9].reshape(-1, 3, 3)
     wrist = results.roots[index, 9:] + rotation @ model.rest_joints[0]
     return Poses(results.angles[index].reshape(-1, 5, 4).copy(), rotation, wrist)
+
+
+def centred(model: HandModel, sequence: Sequence) -> Sequence:
+    """A sequence with each joint moved from the landmark to the joint, as the fitted hand has it.
+
+    Args:
+        model: the hand with its `landmark_offsets`.
+        sequence: the landmarks; frames that cannot be fitted lose their joints.
+    """
+    results = solver.Results(len(sequence), full=False)
+    results.run(
+        solver.Program(),
+        model,
+        np.array(sequence.joints),
+        np.array(sequence.confidence),
+        solver.start_at(model),
+        model.mean_angles,
+    )
+    turned = model.landmarks_from_joints(results.angles, results.roots[:, :9].reshape(-1, 3, 3))
+    return replace(sequence, joints=sequence.joints - turned, truth=None)

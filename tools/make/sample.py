@@ -199,12 +199,12 @@ def motion(seconds: float, fps: float, rng: np.random.Generator) -> tuple[Array,
         begin, first = begin + tempo * CYCLE, False
     slow, fast = (0.1, 0.7), (8.0, 11.0)
     drift = np.array([0.7, 0.25, 0.8, 0.5])  # flexion, abduction, two hinges [degrees]
-    angles += _waves(time, np.tile(drift, 5), slow, rng)
-    angles += _waves(time, np.full(N_ANGLES, 0.06), fast, rng)
-    arm += _waves(time, np.full(len(ARM), 0.8), slow, rng)
-    arm += _waves(time, np.full(len(ARM), 0.04), fast, rng)
-    elbow += _waves(time, np.full(3, 0.003), slow, rng)
-    elbow += _waves(time, np.full(3, 0.0001), fast, rng)
+    angles += waves(time, np.tile(drift, 5), slow, rng)
+    angles += waves(time, np.full(N_ANGLES, 0.06), fast, rng)
+    arm += waves(time, np.full(len(ARM), 0.8), slow, rng)
+    arm += waves(time, np.full(len(ARM), 0.04), fast, rng)
+    elbow += waves(time, np.full(3, 0.003), slow, rng)
+    elbow += waves(time, np.full(3, 0.0001), fast, rng)
     rotation, translation = _arm_pose(np.deg2rad(arm), elbow)
     return np.deg2rad(angles), rotation, translation
 
@@ -222,7 +222,7 @@ def _varied(pose: Array, rng: np.random.Generator) -> Array:
     return np.rad2deg(inner.clamp(np.deg2rad(pose)))
 
 
-def _waves(
+def waves(
     time: Array, deviation: Array, band: tuple[float, float], rng: np.random.Generator
 ) -> Array:
     """(T, n) sums of three sines from a band of frequencies [Hz], of that standard deviation."""

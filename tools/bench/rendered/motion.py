@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 import handtrack as ht
 from handtrack.hand.skeleton import Hand
+from tools.make.sample import waves
 
 Array = NDArray[np.float64]
 
@@ -114,21 +115,21 @@ def generated(
     limits = ht.HandModel.default("right").limits
     tempo = rng.uniform(0.8, 1.8)
     angles = _performed(time, rng, tempo, _of_many if apart else _varied)
-    angles += _waves(time, np.tile([0.9, 0.35, 1.0, 0.6], 5), (0.1, 0.7), rng)
-    angles += _waves(time, np.full(20, 0.06), (8.0, 11.0), rng)
+    angles += waves(time, np.tile([0.9, 0.35, 1.0, 0.6], 5), (0.1, 0.7), rng)
+    angles += waves(time, np.full(20, 0.06), (8.0, 11.0), rng)
     angles = np.stack([limits.clamp(a) for a in np.deg2rad(angles)])
     # the forearm stands up, leans and turns about itself; then the wrist bends
     start, spread = np.concatenate([_drawn_lean(rng), [_drawn_turn(rng)]]), np.array([24, 18, 30])
     swing = _wander(time, rng, start, spread, (0.45 / tempo, 1.2 / tempo))
     limp, bends = np.array([-6.0, 0.0]), np.array([20.0, 9.0])
     wrist = _wander(time, rng, limp, bends, (0.4 / tempo, 0.9 / tempo))
-    shake = _waves(time, np.full(5, 0.05), (8.0, 11.0), rng)
+    shake = waves(time, np.full(5, 0.05), (8.0, 11.0), rng)
     swung = Rotation.from_euler("YXZ", swing + shake[:, :3], degrees=True)
     forearm = swung.as_matrix() @ SHOWN
     bend = Rotation.from_euler("YZ", wrist + shake[:, 3:], degrees=True).as_matrix()
     rotation = forearm @ bend
     middle = _wander(time, rng, np.zeros(3), REACH_M, (0.45 / tempo, 1.2 / tempo))
-    middle += _waves(time, np.full(3, 0.0001), (8.0, 11.0), rng)
+    middle += waves(time, np.full(3, 0.0001), (8.0, 11.0), rng)
     translation = middle - rotation @ np.array([0.09, 0.0, 0.0])
     return Motion("generated", "right", angles, rotation, translation, -forearm[..., 0])
 
@@ -198,16 +199,6 @@ def _wander(
         now = goal
         begin += long * rng.uniform(0.7, 1.3) + rng.exponential(0.1)
     return out
-
-
-def _waves(
-    time: Array, deviation: Array, band: tuple[float, float], rng: np.random.Generator
-) -> Array:
-    """(T, n) sums of three sines of a band of frequencies [Hz], of that standard deviation."""
-    frequency = rng.uniform(*band, (3, len(deviation)))
-    phase = rng.uniform(0.0, 2 * np.pi, (3, len(deviation)))
-    waves = np.sin(2 * np.pi * frequency * time[:, None, None] + phase).sum(1)
-    return np.asarray(waves * deviation * np.sqrt(2.0 / 3.0))
 
 
 def tracked(path: Path) -> list[Motion]:
