@@ -9,6 +9,7 @@ tf2_msgs/msg/TFMessage, geometry_msgs/msg/TransformStamped
 from __future__ import annotations
 
 import struct
+from functools import lru_cache
 
 import numpy as np
 
@@ -23,6 +24,14 @@ from handtrack.sequences.readers.robot_messages import (
 
 _MOST = 100_000
 """Poses, markers or points of a message."""
+
+
+_SIZES = {kind: struct.calcsize(kind) for kind in "BiIfd"}
+
+
+@lru_cache(64)
+def _plain(kinds: str) -> struct.Struct:
+    return struct.Struct(kinds)
 
 
 class Cdr:
@@ -48,23 +57,34 @@ class Cdr:
 
     def number(self, kind: str) -> int:
         """One number, by its letter of `struct`."""
-        (value,) = self._several(kind, 1)
-        return int(value)
+        return int(self.numbers(kind)[0])
+
+    def numbers(self, kinds: str) -> tuple[float, ...]:
+        """Numbers of one size each, by their letters."""
+        read = _plain(self._order + kinds)
+        self._align(_SIZES[kinds[0]])
+        found = read.unpack_from(self._data, self._at)
+        self._at += read.size
+        return found
 
     def doubles(self, count: int) -> Array:
         """(count,) of 8 bytes each."""
-        return np.array(self._several("d", count))
+        if not count:
+            return np.empty(0)
+        self._align(8)
+        found = np.frombuffer(self._data, self._order + "f8", count, self._at)
+        self._at += 8 * count
+        return found.astype(np.float64)
 
     def skip(self, kind: str, count: int) -> None:
         """Pass over numbers."""
-        self._several(kind, count)
+        self._align(_SIZES[kind])
+        self._at += _SIZES[kind] * count
+        if self._at > len(self._data):
+            raise ValueError("it is cut short")
 
-    def _several(self, kind: str, count: int) -> tuple[float, ...]:
-        size = struct.calcsize(kind)
+    def _align(self, size: int) -> None:
         self._at += 0 if self._packed else -(self._at - 4) % size
-        found = struct.unpack_from(f"{self._order}{count}{kind}", self._data, self._at)
-        self._at += size * count
-        return found
 
     def length(self) -> int:
         """How many come."""
@@ -88,18 +108,22 @@ class Cdr:
 
     def time(self) -> int:
         """A stamp [ns]."""
-        return self.number("i") * 10**9 + self.number("I")
+        seconds, rest = self.numbers("iI")
+        return int(seconds) * 10**9 + int(rest)
 
     def pose(self) -> Array:
         """(7,) x y z, and the quaternion x y z w."""
         return self.doubles(7)
 
+    def places(self) -> Array:
+        """(n, 3) of a list of poses."""
+        return self.doubles(7 * _few(self.length())).reshape(-1, 7)[:, :3]
+
 
 def poses(cdr: Cdr) -> Message:
     """A PoseArray, or Foxglove's PosesInFrame."""
     stamp, frame = cdr.header()
-    count = _few(cdr.length())
-    return Poses(stamp, frame, np.array([cdr.pose()[:3] for _ in range(count)]).reshape(-1, 3))
+    return Poses(stamp, frame, cdr.places())
 
 
 def placed(cdr: Cdr) -> Message:
@@ -111,8 +135,7 @@ def placed(cdr: Cdr) -> Message:
 def posed(cdr: Cdr) -> Message:
     """Foxglove's PosesInFrame, whose time is no header."""
     stamp, frame = cdr.time(), cdr.text()
-    count = _few(cdr.length())
-    return Poses(stamp, frame, np.array([cdr.pose()[:3] for _ in range(count)]).reshape(-1, 3))
+    return Poses(stamp, frame, cdr.places())
 
 
 def markers(cdr: Cdr, definition: str) -> Message:
@@ -132,14 +155,14 @@ def _marked(found: list[Marker]) -> Message:
 
 def _marker(cdr: Cdr, definition: str) -> Marker:
     stamp, frame = cdr.header()
-    space, number = cdr.text(), cdr.number("i")
-    kind, action = cdr.number("i"), cdr.number("i")
+    space = cdr.text()
+    number, kind, action = map(int, cdr.numbers("iii"))
     place = cdr.pose()
     cdr.skip("d", 3)  # scale
     cdr.skip("f", 4)  # colour
     cdr.skip("i", 2)  # lifetime
     cdr.skip("B", 1)
-    points = np.array([cdr.doubles(3) for _ in range(_few(cdr.length()))]).reshape(-1, 3)
+    points = cdr.doubles(3 * _few(cdr.length())).reshape(-1, 3)
     cdr.skip("f", 4 * _few(cdr.length()))
     if "texture_resource" in definition:
         cdr.text()

@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from handtrack.errors import InputError, shown
+from handtrack.files.long_arrays import blocks
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import UNUSED, joint_name, without_hand, words
 from handtrack.sequences.readers.fields import JOINT_COUNTS
 from handtrack.sequences.readers.raw import Array, Raw, stem
-from handtrack.sequences.readers.robot_messages import Poses, Transform, turn_of
+from handtrack.sequences.readers.robot_messages import Poses, Transform, turns_of
 from handtrack.sequences.settled import settle
 from handtrack.sequences.titles import few
 
@@ -66,22 +67,27 @@ class Frames:
         raws = []
         for hand, columns in _by_hand(sorted(names | set(self.static))).items():
             self._check_names(hand, columns, path)
-            times, rows = [], []
+            times: list[int] = []
+            chains: list[list[Transform]] = []
+            spots: list[tuple[int, int]] = []
             latest: dict[str, Transform] = dict(self.static)
             for time, moment in together(self.moments, columns.keys()).items():
                 latest |= moment
                 if not columns.keys() & moment.keys():
                     continue
-                joints = np.full((N_JOINTS, 3), np.nan)
                 for name, joint in columns.items():
                     # a joint is there in the moments that tell of it, or always
                     if name in moment or name in self.static:
-                        joints[joint] = _place(name, latest, path)
+                        chains.append(_chain(name, latest, path))
+                        spots.append((len(times), joint))
                 times.append(time)
-                rows.append(joints)
+            joints = np.full((len(times), N_JOINTS, 3), np.nan)
+            if spots:
+                at = np.array(spots)
+                joints[at[:, 0], at[:, 1]] = _places(chains)
             raws.append(
                 Raw(
-                    np.array(rows),
+                    joints,
                     path,
                     stem(path),
                     hand=hand,
@@ -151,14 +157,31 @@ def _by_hand(names: list[str]) -> dict[Hand | None, dict[str, int]]:
     return found
 
 
-def _place(name: str, frames: dict[str, Transform], path: Path) -> Array:
-    """Where a frame's origin is in the frame above all others."""
-    place, at = np.zeros(3), name
+def _places(chains: list[list[Transform]]) -> Array:
+    """(n, 3) where frames' origins are in the frame above all others."""
+    out = np.zeros((len(chains), 3))
+    for part in blocks(len(chains)):
+        some = chains[part]
+        places = np.zeros((len(some), 3))
+        for level in range(max(map(len, some))):
+            rows = [i for i, chain in enumerate(some) if len(chain) > level]
+            poses = np.array([some[i][level].pose for i in rows])
+            turned = np.einsum("nij,nj->ni", turns_of(poses), places[rows])
+            places[rows] = turned + poses[:, :3]
+        out[part] = places
+    return out
+
+
+def _chain(name: str, frames: dict[str, Transform], path: Path) -> list[Transform]:
+    """The frames above a frame, from its own."""
+    chain: list[Transform] = []
+    at = name
     for _ in range(_DEEPEST):
         above = frames.get(at)
         if above is None:
-            return place
-        place, at = turn_of(above.pose) @ place + above.pose[:3], above.parent
+            return chain
+        chain.append(above)
+        at = above.parent
     raise InputError(f"frame {shown(name, 40)} has more than {_DEEPEST} frames above it", path)
 
 

@@ -89,10 +89,17 @@ Message = Poses | Transforms
 def turn_of(pose: Array) -> Array:
     """(3, 3) the rotation of a pose: x y z, then quaternion x y z w of any length; NaN where
     that is none."""
-    largest = float(np.abs(pose[3:]).max())
-    if not 0 < largest < np.inf:
-        return np.full((3, 3), np.nan)
-    return quaternion_to_matrix(np.roll(pose[3:] / largest, 1))
+    return np.asarray(turns_of(pose[None])[0])
+
+
+def turns_of(poses: Array) -> Array:
+    """(n, 3, 3) of poses (n, 7), as `turn_of`."""
+    largest = np.abs(poses[:, 3:]).max(1)
+    usable = (largest > 0) & (largest < np.inf)
+    out = np.full((len(poses), 3, 3), np.nan)
+    scaled = poses[usable, 3:] / largest[usable, None]
+    out[usable] = quaternion_to_matrix(scaled[:, [3, 0, 1, 2]])
+    return out
 
 
 POSES = ("foxglove.PosesInFrame", "foxglove.PoseArray", "foxglove.PoseInFrame")

@@ -18,6 +18,7 @@ import numpy as np
 
 from handtrack.errors import InputError
 from handtrack.files import budget
+from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.rotations import about_axis
 from handtrack.hand.skeleton import ORDERS
 from handtrack.sequences.readers.companions import Companions
@@ -27,7 +28,7 @@ from handtrack.sequences.readers.raw import METRES, Array, Raw, Unit
 PROFILE_NAMES = ("umetrack_hand_user_profile.json", "generic_hand_model.json")
 N_HINGES, N_LANDMARKS, N_FRAMES = 20, 21, 17
 _PER_FINGER = 4
-_BLOCK = 4096
+_BLOCK = 1024
 _LARGEST = 50_000_000
 # our joint i is landmark _LANDMARKS[i]; the thumb's two first hinges do not meet in a CMC joint
 _LANDMARKS = ORDERS["umetrack"]
@@ -58,33 +59,43 @@ class Profile:
         Returns:
             (T, 21, 3) [m], in this project's order; the thumb's CMC is NaN, as in UmeTrack.
         """
-        out = np.full((len(angles), N_LANDMARKS, 3), np.nan)
         there = np.array(_LANDMARKS) >= 0
-        for start in range(0, len(angles), _BLOCK):
-            part = angles[start : start + _BLOCK]
-            marks = self._landmarks(part)
-            out[start : start + _BLOCK, there] = marks[:, np.array(_LANDMARKS)[there]]
-        return out
+
+        def of_some(some: Array) -> Array:
+            out = np.full((len(some), N_LANDMARKS, 3), np.nan)
+            out[:, there] = self._landmarks(some)[:, np.array(_LANDMARKS)[there]]
+            return out
+
+        return by_blocks(of_some, angles, rows=_BLOCK)
 
     def _landmarks(self, angles: Array) -> Array:
+        """All fingers at once; frames stand last, so that sums over axes are long."""
         n = len(angles)
-        turns = about_axis(np.broadcast_to(self.axes, (n, N_HINGES, 3)), angles)
-        moves = self.places - (turns @ self.places[:, :, None])[..., 0]
-        rotation = np.broadcast_to(np.eye(3), (n, N_FRAMES, 3, 3)).copy()
-        shift = np.zeros((n, N_FRAMES, 3))
-        for finger in range(N_HINGES // _PER_FINGER):
-            first = finger * _PER_FINGER
-            r, s = turns[:, first], moves[:, first]
-            for k in range(1, _PER_FINGER):
-                s = s + (r @ moves[:, first + k, :, None])[..., 0]
-                r = r @ turns[:, first + k]
-                frame = 2 + 3 * finger + k - 1
-                rotation[:, frame], shift[:, frame] = r, s
-        out = np.zeros((n, N_LANDMARKS, 3))
+        turned = about_axis(np.broadcast_to(self.axes, (n, N_HINGES, 3)), angles)
+        turns = np.ascontiguousarray(np.moveaxis(turned, 0, -1))
+        moves = self.places[:, :, None] - _times(turns, self.places[:, :, None])
+        turns = turns.reshape(-1, _PER_FINGER, 3, 3, n)
+        moves = moves.reshape(-1, _PER_FINGER, 3, n)
+        rotation = np.broadcast_to(np.eye(3)[..., None], (N_FRAMES, 3, 3, n)).copy()
+        shift = np.zeros((N_FRAMES, 3, n))
+        r, s = turns[:, 0], moves[:, 0]
+        for k in range(1, _PER_FINGER):
+            s = s + _times(r, moves[:, k])
+            r = np.stack([_times(r, turns[:, k, :, j]) for j in range(3)], axis=2)
+            rotation[k + 1 :: 3], shift[k + 1 :: 3] = r, s
+        out = np.zeros((N_LANDMARKS, 3, n))
         for mark, frame in np.argwhere(self.weights):  # one or two frames move a landmark
-            moved = rotation[:, frame] @ self.landmarks[mark] + shift[:, frame]
-            out[:, mark] += self.weights[mark, frame] * moved
-        return out
+            moved = _times(rotation[frame], self.landmarks[mark, :, None]) + shift[frame]
+            out[mark] += self.weights[mark, frame] * moved
+        return np.moveaxis(out, -1, 0)
+
+
+def _times(turns: Array, places: Array) -> Array:
+    """(..., 3, n) places (..., 3, n) turned by (..., 3, 3, n)."""
+    out = turns[..., 0, :] * places[..., None, 0, :]
+    out += turns[..., 1, :] * places[..., None, 1, :]
+    out += turns[..., 2, :] * places[..., None, 2, :]
+    return out
 
 
 @dataclass(frozen=True, eq=False)
