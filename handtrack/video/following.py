@@ -31,7 +31,7 @@ DOUBTFUL = 1.25
 """Of the usual reprojection error; a frame of one camera that has more is believed less."""
 FEW, MANY = 10, 300
 """Frames that tell what is usual, at least and at most."""
-LASTING = 2.25
+LASTING = 2.0
 """Errors that last from frame to frame are no more than so many times as loud to a filter."""
 
 
@@ -81,11 +81,12 @@ def follow(
     if shown is not None and len(views.cameras) == 1 and np.isfinite(views.points).any():
         held = np.concatenate(poses_of_joints(views, model, chosen), axis=1)
     shown = model if shown is None else shown
-    fits = _Fits(views, shown)
+    is_whole = chosen.filter.name == "rts"
+    fits = _Fits(views, shown, _believed(views, is_whole))
     joints, marks = _fitted(fits, views, model, held)
     seen, pictured = fits.seen, np.stack([c.project(marks) for c in views.cameras], 1)
     off = np.where(seen[..., None], pictured - views.image, np.nan)
-    error, trust, is_whole = np.linalg.norm(off, axis=-1), np.ones(n), chosen.filter.name == "rts"
+    error, trust = np.linalg.norm(off, axis=-1), np.ones(n)
     noise_mm = _noise_mm(views, joints, error)
     if len(views.cameras) > 1:
         noise_mm *= _louder(off)
@@ -151,8 +152,8 @@ class _Pose(NamedTuple):
 class _Fits:
     """Fits of a hand to the frames of some views."""
 
-    def __init__(self, views: Views, shown: HandModel) -> None:
-        self.weights, self.seen = views.weights, views.weights > 0
+    def __init__(self, views: Views, shown: HandModel, believed: Array) -> None:
+        self.weights, self.seen = views.weights * believed[..., None], views.weights > 0
         self._cameras, self.shown = views.cameras, shown
         self._pixels, self._results = np.nan_to_num(views.image), ViewResults(1)
         # one camera cannot see depth well
@@ -195,13 +196,39 @@ def _trust(error: Array, is_whole: bool) -> Array:
     """
     known = np.flatnonzero(np.isfinite(error).any(1))
     size, trust = np.nanmean(error[known], axis=1), np.ones(len(error))
-    if is_whole:
-        usual = np.full(len(size), np.median(size))
-    else:
-        usual = np.array([np.median(size[max(0, i - MANY) : i + 1]) for i in range(len(size))])
-        usual[:FEW] = np.inf
+    usual = _usual(size, is_whole)
     trust[known] = np.minimum(1.0, (DOUBTFUL * usual / np.maximum(size, 1e-9)) ** 6)
     return trust
+
+
+def _usual(size: Array, is_whole: bool) -> Array:
+    """(T,) what sizes (T, ...) are usually, NaN left out: of all, or of those before; inf where
+    these are too few to tell."""
+    n = len(size)
+    if is_whole:
+        return np.full(n, np.nanmedian(size) if np.isfinite(size).any() else np.inf)
+    usual = np.full(n, np.inf)
+    for i in range(FEW, n):
+        before = size[max(0, i - MANY) : i + 1]
+        if np.isfinite(before).any():
+            usual[i] = np.nanmedian(before)
+    return usual
+
+
+def _believed(views: Views, is_whole: bool) -> Array:
+    """(T, C) how far each of several cameras is believed: by how far what it saw is from where
+    all of them put the hand; a wrong detection is wrong in all joints."""
+    count = len(views.cameras)
+    if count == 1:
+        return np.ones((len(views), 1))
+    off = np.stack([c.project(views.points) for c in views.cameras], 1) - views.image
+    error, seen = np.linalg.norm(off, axis=-1), np.isfinite(off).all(-1)
+    size = np.nansum(error, -1) / np.maximum(seen.sum(-1), 1)
+    size[~seen.any(-1)] = np.nan
+    usual = _usual(size, is_whole)[:, None]
+    # views of which nothing is known are as good as any
+    share = np.nan_to_num(size / np.maximum(usual, 1e-9), nan=1.0)
+    return np.asarray(1.0 / (1.0 + share**2))
 
 
 def _louder(off: Array) -> float:

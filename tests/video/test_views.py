@@ -14,7 +14,7 @@ from handtrack.cameras.triangulate import triangulate
 from handtrack.detectors.profile import load_profile
 from handtrack.errors import InputError
 from handtrack.video.detections import Detections
-from handtrack.video.following import LASTING, _louder, follow
+from handtrack.video.following import LASTING, _believed, _louder, follow
 from handtrack.video.views import views_of
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "cameras"))
@@ -121,6 +121,30 @@ def test_pictures_are_moved_as_their_points_are_corrected(joints):
     assert np.array_equal(moved.points, wanted)
     assert np.isnan(moved.image[2, 1, 8]).all()
     assert views.corrected(None) is views
+
+
+def test_a_camera_that_sees_another_hand_is_believed_less(joints):
+    cameras, rng = rig(3), np.random.default_rng(2)
+    found = seen(cameras, np.repeat(joints, 6, axis=0))
+    for d in found:
+        d.image["right"][:] += rng.normal(0, 1.0, d.image["right"].shape)
+    found[1].image["right"][20:24] += (9.0, 6.0)
+    found[2].image["right"][15] = np.nan
+    found[0].image["right"][16], found[1].image["right"][16] = np.nan, np.nan
+    (views,) = views_of(found, cameras)
+    for is_whole in (True, False):
+        believed = _believed(views, is_whole)
+        assert believed.shape == (30, 3)
+        assert (believed[20:24, 1] < 0.2).all()
+        assert (believed[20:24, 1] < believed[20:24, [0, 2]].min(1)).all()
+        rest = [*range(10, 15), *range(17, 20), *range(24, 30)]
+        assert np.abs(believed[rest] - 0.5).max() < 0.35
+        # of which nothing is known: as good as any
+        assert believed[15, 2] == believed[16, 2] == 0.5
+    # looking back, the first frames have nothing to be compared with
+    assert (_believed(views, False)[:10] == 1.0).all()
+    one = views_of(found[:1], cameras[:1])[0]
+    assert (_believed(one, True) == 1.0).all()
 
 
 def test_noise_that_lasts_is_louder():
