@@ -137,6 +137,14 @@ class Settings:
         return known
 
     @classmethod
+    def default(cls) -> Self:
+        """Those of a call that gives none; they are checked once."""
+        if "_default" not in cls.__dict__:
+            cls._default = cls()  # type: ignore[attr-defined]
+        made: Self = cls._default  # type: ignore[attr-defined]
+        return made
+
+    @classmethod
     def of(
         cls,
         settings: Settings | Mapping[str, Any] | None = None,
@@ -155,7 +163,7 @@ class Settings:
             given = settings.flat() if isinstance(settings, Settings) else settings
             if given is not None and not isinstance(given, Mapping):
                 raise SettingsError(f"settings are {shown(given)}, expected {cls.__name__}")
-            settings = cls().but(**(given or {}))
+            settings = cls.default().but(**(given or {}))
         return settings.but(**options) if options else settings
 
     def but(self, **options: Any) -> Self:
@@ -164,6 +172,8 @@ class Settings:
         Raises:
             SettingsError: as `of`.
         """
+        if not options:
+            return self
         known = self.known()
         unknown = [name for name in options if name not in known]
         if unknown:
