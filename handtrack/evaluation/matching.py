@@ -95,5 +95,6 @@ def _size(x: Array) -> float:
 
 
 def typical(values: Array) -> float:
+    """The median of what is known; NaN where nothing is."""
     known = values[~np.isnan(values)]
     return float(np.median(known)) if known.size else float("nan")

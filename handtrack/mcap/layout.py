@@ -92,10 +92,12 @@ class Layout:
 
 
 def tag(number: int, wire_type: int) -> bytes:
+    """What stands before a field of protobuf: its number, and how its value is written."""
     return varint(number << 3 | wire_type)
 
 
 def varint(value: int) -> bytes:
+    """A number, not negative, as protobuf writes it: seven bits a byte, the lowest first."""
     out = bytearray()
     while value > 0x7F:
         out.append(value & 0x7F | 0x80)

@@ -58,7 +58,7 @@ def make_filter(
         return OneEuroFilter(model, settings.coast_s)
     kind = KalmanFilter
     if wanted.engine == "filterpy":
-        from handtrack.tracking.reference import FilterPyFilter
+        from handtrack.tracking.filterpy_filter import FilterPyFilter
 
         kind = FilterPyFilter
     white = wanted.noise_colour == "white" or wanted.engine == "filterpy"

@@ -12,9 +12,9 @@ import handtrack as ht
 from handtrack.errors import InputError, SettingsError
 from handtrack.sequences.sequence import Remark
 from handtrack.tracking import events
+from handtrack.tracking.filterpy_filter import FilterPyFilter
 from handtrack.tracking.filters import make_filter
 from handtrack.tracking.kalman import DriftingFilter, KalmanFilter
-from handtrack.tracking.reference import FilterPyFilter
 from handtrack.tracking.settings import TrackerSettings
 from handtrack.tracking.smoothers import _within_reach
 

@@ -13,9 +13,9 @@ from handtrack.kernels import filter_loop as kernels
 from handtrack.kernels import motion_noise
 from handtrack.kernels.filter_state import BEGUN, KEPT, NOTE, PREDICTED, UPDATED
 from handtrack.tracking import process_noise
+from handtrack.tracking.filterpy_filter import FilterPyFilter
 from handtrack.tracking.filters import make_filter
 from handtrack.tracking.kalman import KalmanFilter
-from handtrack.tracking.reference import FilterPyFilter
 
 N = 26
 
