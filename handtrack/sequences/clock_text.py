@@ -128,6 +128,9 @@ def _pairs(read: Numbers) -> Numbers:
 
 
 def _of_list(given: Items[Any], rate: float | None) -> Numbers:
+    plain = _of_plain(given)
+    if plain is not None:
+        return plain
     present = [v for v in given if not _absent(v)]
     if any(isinstance(v, str) for v in present):
         texts = [None if _absent(v) else str(v).strip().lower() for v in given]
@@ -146,6 +149,21 @@ def _of_list(given: Items[Any], rate: float | None) -> Numbers:
         return _whole([None if _absent(v) else int(v) for v in given], None)
     values = np.array([np.nan if _absent(v) else _float(v) for v in given])
     return _of_array(values)
+
+
+def _of_plain(given: Items[Any]) -> Numbers | None:
+    """Numbers of one type and nothing else."""
+    types = set(map(type, given))
+    if types not in ({int}, {float}):
+        return None
+    try:
+        values = np.array(given, np.int64 if types == {int} else np.float64)
+    except OverflowError:
+        return None
+    if values.dtype.kind == "f":
+        return _of_array(values)
+    missing = (values > _LARGEST) | (values < -_LARGEST)
+    return Numbers(np.where(missing, 0, values), missing)
 
 
 def _float(value: Any) -> float:

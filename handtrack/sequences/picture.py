@@ -46,5 +46,6 @@ class Picture:
 
 def is_share(points: Array) -> bool:
     """Whether places (..., 2) in pictures are shares of the pictures' sides, not pixels."""
-    there = np.isfinite(points)
-    return bool(there.any() and np.abs(points[there]).max() < SHARES)
+    reach = np.abs(points)
+    there = np.isfinite(reach)
+    return bool(there.any() and reach.max(where=there, initial=0.0) < SHARES)

@@ -163,10 +163,15 @@ def _landmarks(
 ) -> PictureLandmarks:
     picks = np.array(stated_order(raw, order))
     clock = read_clock(len(raw.joints), raw.path, raw.stamps, raw.frame_index, raw.fps, fps, unit)
-    joints = np.where((picks < 0)[:, None], np.nan, raw.joints[:, picks])[clock.rows]
+    # as slices, which copy nothing, where all are taken as they are
+    own = np.array_equal(picks, np.arange(raw.joints.shape[1]))
+    joints = raw.joints if own else np.where((picks < 0)[:, None], np.nan, raw.joints[:, picks])
+    rows = clock.rows
+    if not np.array_equal(rows, np.arange(len(joints))):
+        joints = joints[rows]
     points = joints[..., :2]
-    there = np.asarray(np.isfinite(points).all(-1))
-    if np.abs(points[there]).max(initial=0.0) > _FAR:
+    there = np.isfinite(points[..., 0]) & np.isfinite(points[..., 1])
+    if np.abs(points).max(where=there[..., None], initial=0.0) > _FAR:
         t, j = np.argwhere(there & (np.abs(np.nan_to_num(points)).max(-1) > _FAR))[0]
         raise InputError(
             f"frame {t}: {JOINT_NAMES[j]} is at {points[t, j, 0]:.3g}, {points[t, j, 1]:.3g},"

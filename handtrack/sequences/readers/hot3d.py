@@ -120,17 +120,20 @@ def _with_values(raw: Raw, rows: list[Any], places: Items[str], path: Path) -> R
     n = len(rows)
     key, width = ("pose", len(first["pose"] or ())) if mano else ("joint_angles", N_HINGES)
     wanted = (key, "wrist_xform", *(("betas",) if mano else ()))
-    rows = [None if row is None or _is_blank(row, wanted) else row for row in rows]
+    at = np.flatnonzero([row is not None for row in rows])
+    together = None if mano else _together([rows[i] for i in at.tolist()], width)
+    if together is None:
+        rows = [None if row is None or _is_blank(row, wanted) else row for row in rows]
     turn, move = np.full((n, 4), np.nan), np.full((n, 3), np.nan)
     values = np.full((n, width), np.nan)
     betas = np.zeros((n, 10))
     sure = np.ones(n)
-    at = np.flatnonzero([row is not None for row in rows])
-    given = [rows[i] for i in at.tolist()]
-    together = None if mano else _together(given, width)
+    if together is None and not mano:
+        at = np.flatnonzero([row is not None for row in rows])
+        together = _together([rows[i] for i in at.tolist()], width)
     if together is not None:
         turn[at], move[at], values[at] = together
-        said = [row.get("hand_confidence") for row in given]
+        said = [rows[i].get("hand_confidence") for i in at.tolist()]
         sure[at] = [s if isinstance(s, int | float) else 1.0 for s in said]
         rows = []
     for t, row in enumerate(rows):

@@ -245,6 +245,7 @@ def nested_numbers(value: Any, path: Path, what: str) -> NDArray[Any]:
 
 # a text in the place of a value, as tables and languages without a NaN write one
 _TEXT = re.compile(rb'(?<=[\[:,\s])"(?:[nN]a[nN]|NAN|null|NULL)?"(?=\s*[,\]}])')
+_BLANKS = (b'""', b'"nan"', b'"null"')
 _JOINTS = frozenset(k * n for n in ORDER_JOINTS.values() for k in (1, 3))
 """Lengths of lists that are of one hand's joints or numbers."""
 _MATRIX = 16
@@ -255,7 +256,8 @@ _WIDE = 15
 
 def texts_as_null(data: bytes) -> bytes:
     """JSON text with null for "", "NaN" and "null"."""
-    return _TEXT.sub(b"null", data) if b'""' in data or b'n"' in data.lower() else data
+    low = data.lower()
+    return _TEXT.sub(b"null", data) if any(text in low for text in _BLANKS) else data
 
 
 def is_blank(value: Any) -> bool:

@@ -94,7 +94,10 @@ def read_other(value: Any, path: Path) -> list[Raw] | None:
     records = list(_records(value))
     if not records:
         return None
-    hands: dict[_Key, _Seen] = {}
+    hands = _alike(records)
+    if hands is not None:
+        return _raws(hands, sorted({number for number, _ in records}), path, stem(path))
+    hands = {}
     count: dict[int, int] = {}
     for number, record in records:
         place = count.get(number, 0)
@@ -129,6 +132,33 @@ def _records(value: Any) -> Iterator[tuple[int, dict[str, Any]]]:
         digits = re.findall(r"\d{1,18}", image)
         number = int(digits[-1]) if digits else numbers.setdefault(image, len(numbers))
         yield number, one
+
+
+def _alike(records: list[tuple[int, dict[str, Any]]]) -> dict[_Key, _Seen] | None:
+    """The hands of records that are all of one hand of 21 points in a picture of its own, read
+    together; None of others."""
+    first = records[0][1]
+    numbers = [number for number, _ in records]
+    scored = "keypoint_scores" in first
+    if len(set(numbers)) < len(numbers) or any(key in first for _, _, key in _HANDS):
+        return None
+    if any(r.keys() != first.keys() for _, r in records):
+        return None
+    try:
+        points = np.array([r["keypoints"] for _, r in records], dtype=np.float64)
+        sure = np.array([r["keypoint_scores"] for _, r in records]) if scored else None
+    except (ValueError, TypeError, OverflowError, KeyError):
+        return None
+    if points.shape[1:] != (N_JOINTS, 2 if scored else 3) or not np.isfinite(points).all():
+        return None
+    if sure is not None:
+        if sure.shape != points.shape[:2] or sure.dtype.kind != "f":
+            return None
+        points = np.concatenate([points, sure[..., None]], axis=2)
+    seen = np.flatnonzero((points[..., 2] > 0).any(1)).tolist()
+    if not seen:
+        return None
+    return {(_person(0), None): _Seen([numbers[i] for i in seen], list(points[seen]))}
 
 
 def _of_record(
@@ -227,10 +257,10 @@ def _raws(hands: dict[_Key, _Seen], numbers: list[int], path: Path, name: str) -
         for n, points in zip(seen.frame, seen.points, strict=True):
             if points.shape != (N_JOINTS, 3):
                 raise InputError(f"picture {n}: a hand of {len(points)} points, expected 21", path)
-            there = points[:, 2] > 0
-            joints[row[n], there, :2] = points[there, :2]
-            # COCO's visibility is 2 where seen, 1 where guessed
-            sure[row[n]] = np.clip(points[:, 2], 0, None)
+        at, points = [row[n] for n in seen.frame], np.array(seen.points)
+        joints[at, :, :2] = np.where(points[..., 2:] > 0, points[..., :2], np.nan)
+        # COCO's visibility is 2 where seen, 1 where guessed
+        sure[at] = np.clip(points[..., 2], 0, None)
         if sure.max() > 1.5:
             sure = np.where(sure > 0, np.clip(sure / 2, 0.5, 1.0), 0.0)
         raw = Raw(joints, path, f"{name} {person}" if several else name, hand=hand)

@@ -21,12 +21,14 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError, shown
 from handtrack.files import budget
+from handtrack.files.long_arrays import blocks
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import as_side, words
 from handtrack.sequences.readers import text_table
 from handtrack.sequences.readers.both_hands import two_hands
 from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.raw import NotJointsError, Raw, as_fps, stem, take_rows
+from handtrack.sequences.readers.table_held import as_held
 from handtrack.sequences.readers.table_rows import OBSERVED, TRUTH
 
 if TYPE_CHECKING:
@@ -112,6 +114,9 @@ def _read_flat(table: pyarrow.Table, path: Path) -> list[Raw]:
     from pyarrow import csv
 
     usable = [f.name for f in table.schema if _is_flat(f.type)]
+    held = as_held(table.select(usable), path)
+    if held is not None:
+        return text_table.read_made(held, path)
     text = io.BytesIO()
     csv.write_csv(table.select(usable), text, csv.WriteOptions(quoting_style="needed"))
     return text_table.read_table(text.getvalue(), path)
@@ -184,19 +189,31 @@ def _rows(table: pyarrow.Table, name: str, path: Path) -> NDArray[np.float64] | 
     flat = column.drop_null()
     while _is_list(flat.type):
         flat = flat.flatten()
-    values = np.asarray(flat.cast(pyarrow.float64()).fill_null(np.nan))
+    if flat.null_count:
+        flat = flat.cast(pyarrow.float64()).fill_null(np.nan)
+    values = np.asarray(flat)
     count = int(there.sum())
     if not count or len(values) % count:
         return None
     width = len(values) // count
-    lengths = np.asarray([len(_flat(row)) for row in column.drop_null().slice(0, 1000).to_pylist()])
-    if (lengths != width).any():
+    some = column.drop_null().slice(0, 1000).to_pylist()
+    if not _is_of_width(column.type, width) and any(len(_flat(row)) != width for row in some):
         return None
-    out = np.full((n, width), np.nan)
-    out[there] = values.reshape(count, width)
-    if np.isinf(out).any():
+    if count == n:
+        out = values.reshape(n, width).astype(np.float64)
+    else:
+        out = np.full((n, width), np.nan)
+        out[there] = values.reshape(count, width)
+    if any(np.isinf(out[part]).any() for part in blocks(n)):
         raise InputError(f"column {shown(name, 40)} holds an infinite number", path)
     return out
+
+
+def _is_of_width(kind: Any, width: int) -> bool:
+    """Whether a type says that lists are so long."""
+    from pyarrow import types
+
+    return bool(types.is_fixed_size_list(kind)) and kind.list_size == width
 
 
 def _flat(value: Any) -> list[Any]:

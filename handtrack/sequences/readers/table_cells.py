@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handtrack.errors import InputError
 from handtrack.sequences.readers.columns_at_once import LARGE, MISSING, AtOnce, Coded
@@ -118,6 +119,10 @@ class Table:
                 return self._all[column :: self.width]
         return [line.split(self.separator, column + 1)[column].strip() for line in self.lines]
 
+    def held(self, column: int) -> NDArray[np.float64 | np.int64] | None:
+        """One column's numbers, where the table is not of text and none is missing."""
+        return None
+
     def numbers(self, columns: Items[int], names: Items[str]) -> Array:
         """(rows, columns) numbers, NaN for empty cells.
 
@@ -216,7 +221,7 @@ def read_cells(data: bytes, path: Path) -> Table:
         if len(said) == len(_cells(body[0], separator)) and not any(map(is_number, said)):
             titles = [said]
     body = _points(body, separator)
-    joined = _numbered(_joined(titles))
+    joined = numbered(_joined(titles))
     body = without_last(body, separator, joined)
     normalised = any(NORMALISED in line for line in body[:_FIRST])
     apart = spread(body, places, lambda line: _cells(line, separator), joined, path)
@@ -320,7 +325,7 @@ def _joined(titles: list[list[str]]) -> list[str] | None:
     return [" ".join(p) for p in parts]
 
 
-def _numbered(titles: list[str] | None) -> list[str] | None:
+def numbered(titles: list[str] | None) -> list[str] | None:
     """Titles of columns without names (Var1, V1, ...) as their numbers."""
     found = [_NUMBERED.fullmatch(t) for t in titles or []]
     first = next((m for m in found if m is not None), None)

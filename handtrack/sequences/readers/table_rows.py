@@ -16,6 +16,7 @@ from handtrack.sequences.names import as_side, words
 from handtrack.sequences.readers.columns_at_once import MISSING
 from handtrack.sequences.readers.fields import FINEST
 from handtrack.sequences.readers.raw import Raw, as_hand, take_rows
+from handtrack.sequences.readers.record_places import Places
 from handtrack.sequences.readers.table_cells import Table
 from handtrack.sequences.readers.table_columns import Columns
 from handtrack.sequences.titles import side_if_true, time_unit
@@ -35,13 +36,15 @@ def stamps_in(
         for title in columns.times:
             if time_unit(title) != unit:
                 continue
-            cells = table.texts(titles.index(title))
-            if all(c.lower() in MISSING for c in cells):
+            held = table.held(titles.index(title))
+            cells = table.texts(titles.index(title)) if held is None else []
+            if held is None and all(c.lower() in MISSING for c in cells):
                 continue
             others = [t for t in columns.times if t != title]
             note = f"timed by {title}, not by {', '.join(others[:4])}" if others else None
-            places = [f"line {n}" for n in table.places]
-            return Stamps(_as_numbers(cells), title, unit or None, places), note
+            places = Places("line", table.places)
+            times = _as_numbers(cells) if held is None else held
+            return Stamps(times, title, unit or None, places), note
     return None, None
 
 

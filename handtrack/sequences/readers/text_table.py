@@ -63,7 +63,7 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
             looks like a joint, a hand or a time and is not understood.
     """
     table = read_cells(data, path)
-    raws = remarked(_read(table, path), table.remarks)
+    raws = remarked(read_made(table, path), table.remarks)
     if table.again:
         places = ", ".join(str(table.places[row] - 1) for row in table.again[:3])
         note = f"the titles stand again in line {places}: files that were joined"
@@ -71,7 +71,8 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
     return raws
 
 
-def _read(table: Table, path: Path) -> list[Raw]:
+def read_made(table: Table, path: Path) -> list[Raw]:
+    """The sequences of a table whose cells are known; errors as `read_table`."""
     if table.titles is not None and [t.lower() for t in table.titles] == list("xyz"):
         table.titles = None
     titles = with_texts(table) if table.titles is None else None
@@ -84,7 +85,7 @@ def _read(table: Table, path: Path) -> list[Raw]:
         raise NotJointsError(f"a table of {table.width} columns is of no hands", path)
     bones = ends_as_joints(table)
     if bones is not None:
-        raws = _read(bones[0], path)
+        raws = read_made(bones[0], path)
         raws[0].notes = (*raws[0].notes, *filter(None, bones[1:]))
         return raws
     own = exported(table.titles)
