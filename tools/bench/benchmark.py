@@ -43,6 +43,7 @@ from handtrack.video.pictured import track
 from handtrack.viewer.rerun_log import log_rerun
 from tools.bench.noise_study import fitted, noisy_motion, noisy_poses, random_angles
 from tools.bench.peers import peers
+from tools.bench.starting import start_part
 from tools.bench.timed import Array, Rows, each, machine, show
 from tools.make.mano_like import make_mano_like, write_pickle
 
@@ -308,7 +309,13 @@ def _memory_mb(field: str) -> float:
 
 # ---- reports ----
 
-PARTS = {"fit": fit_part, "motion": motion_part, "quality": quality_part, "tool": tool_part}
+PARTS = {
+    "start": start_part,
+    "fit": fit_part,
+    "motion": motion_part,
+    "quality": quality_part,
+    "tool": tool_part,
+}
 
 
 def main(arguments: list[str] | None = None) -> None:
