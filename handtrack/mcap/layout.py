@@ -50,6 +50,12 @@ class Layout:
         content = Layout(content) if isinstance(content, bytes) else content
         return self.constant(tag(number, _BYTES) + varint(content.size)).append(content)
 
+    def fields(self, number: int, rows: NDArray[np.uint8]) -> Layout:
+        """`field` for each row (n, k) of bytes."""
+        head = tag(number, _BYTES) + varint(rows.shape[1])
+        heads = np.broadcast_to(np.frombuffer(head, np.uint8), (len(rows), len(head)))
+        return self.constant(np.concatenate([heads, rows], 1).tobytes())
+
     def varint(self, number: int, value: int) -> Layout:
         return self.constant(tag(number, _VARINT) + varint(value))
 

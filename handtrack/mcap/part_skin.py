@@ -37,9 +37,7 @@ class PartSkinEncoder:
             points, faces = piece(model, part)
             if not len(faces):
                 continue
-            triangles = Layout().field(1, origin)
-            for point in tagged(points):
-                triangles.field(2, point.tobytes())
+            triangles = Layout().field(1, origin).fields(2, tagged(points))
             triangles.field(3, colour).field(5, faces.astype("<u4").tobytes())
             name = f"{topic}/{PART_NAMES[part]}".encode()
             entity = Layout().timestamp(1).field(2, name).field(3, name).varint(5, 1)

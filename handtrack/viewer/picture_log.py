@@ -29,7 +29,7 @@ class PictureView:
         name: of the camera: its place in the viewer.
         time_ns, frame_index: (T,) int64.
         jpegs: gives the T pictures one by one, as JPEG files.
-        joints: skeleton (see `viewer_style`) of each hand -> (T, 21, 2) in the pictures [px],
+        joints: skeleton (see `viewer.style`) of each hand -> (T, 21, 2) in the pictures [px],
             NaN = not there; by the hand's topic.
     """
 
