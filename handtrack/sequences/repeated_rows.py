@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +19,11 @@ def without_repeats(raw: Raw) -> Raw:
         return raw
     if len(values) != n or raw.mano is not None or raw.pending is not None:
         return raw
-    again = [i for i in range(1, n) if _equal(values[i], values[i - 1])]
+    if isinstance(values, np.ndarray):
+        same = np.asarray(values[1:] == values[:-1]).reshape(n - 1, -1).all(axis=1)
+        again = (np.flatnonzero(same) + 1).tolist()
+    else:
+        again = [i for i, pair in enumerate(pairwise(values), 1) if _equal(*pair)]
     if raw.frame_index is not None:
         again = [i for i in again if raw.frame_index[i] == raw.frame_index[i - 1]]
     again = [i for i in again if np.array_equal(raw.joints[i], raw.joints[i - 1], equal_nan=True)]
@@ -28,5 +34,8 @@ def without_repeats(raw: Raw) -> Raw:
     return replace(take_rows(raw, kept), notes=(*raw.notes, note))
 
 
-def _equal(a: object, b: object) -> bool:
-    return a is not None and bool(np.all(a == b))
+def _equal(a: Any, b: Any) -> bool:
+    if a is None:
+        return False
+    same = a == b
+    return same if isinstance(same, bool) else bool(np.all(same))

@@ -139,7 +139,8 @@ def _message(msg: dict[str, Any]) -> Message | None:
     if "transform" in msg and "child_frame_id" in msg:
         return Transforms((_transform(msg),))
     if isinstance(msg.get("poses"), list) and all(map(_is_pose, msg["poses"])):
-        several = [_point(p["position"]) for p in msg["poses"]]
+        # null, which is what JSON has for NaN, is NaN among floats
+        several = [[p["position"][k] for k in _POINT] for p in msg["poses"]]
         places = np.array(several, dtype=np.float64).reshape(-1, 3)
         return Poses(_stamp(msg) or None, _frame(msg), places)
     pose = msg.get("pose")
