@@ -59,7 +59,9 @@ class Rows(NamedTuple):
         return Rows(rows, sizes if there is None else np.where(there, sizes, -1))
 
     def among(self, n: int, frames: NDArray[np.int64]) -> Rows:
-        """As messages of those of n frames, with none for the others."""
+        """As messages of those of n frames, in order, with none for the others."""
+        if len(frames) == n:
+            return self
         rows, sizes = np.empty((n, self.rows.shape[1]), np.uint8), np.full(n, -1, np.int64)
         rows[frames], sizes[frames] = self.rows, self.sizes
         tails = [b""] * n if self.tails else []
