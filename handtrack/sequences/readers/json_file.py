@@ -155,6 +155,8 @@ def _list_of_alike(data: bytes, path: Path) -> list[Raw] | None:
         else:
             fields = decode(data, dict[str, msgspec.Raw], path)
             key = max(fields, key=lambda k: len(bytes(fields[k])))
+            if key == "instance_info":
+                return keypoints_2d.of_forms(forms_of(bytes(fields[key])), path)
             about = {k: decode(bytes(v), Any, path) for k, v in fields.items() if k != key}
             if key not in (*LISTS, *CONTAINERS) or any(isinstance(v, list) for v in about.values()):
                 return None

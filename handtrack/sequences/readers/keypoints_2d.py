@@ -25,6 +25,7 @@ from handtrack.files import budget
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.jsontext import decode
+from handtrack.sequences.readers.number_text import Forms
 from handtrack.sequences.readers.panoptic import FRAME, Frames, holds_pixels, in_range
 from handtrack.sequences.readers.pictures import flat
 from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, stem
@@ -159,6 +160,35 @@ def _alike(records: list[tuple[int, dict[str, Any]]]) -> dict[_Key, _Seen] | Non
     if not seen:
         return None
     return {(_person(0), None): _Seen([numbers[i] for i in seen], list(points[seen]))}
+
+
+def of_forms(forms: Forms | None, path: Path) -> list[Raw] | None:
+    """The hands of mmpose's `instance_info` whose pictures all are written alike, each with one
+    instance; None of others."""
+    if forms is None or len(forms.forms) != 1:
+        return None
+    form = forms.forms[0]
+    # the first picture with each number's column, counted from 1, in its place
+    parts, end = [], 0
+    for c, (a, b) in enumerate(form.spans.tolist(), 1):
+        parts += [form.first[end:a], str(c).encode()]
+        end = b
+    first = decode(b"".join((*parts, form.first[end:])), Any, path)
+    records = list(_records({"instance_info": [first]}))
+    if len(records) != 1 or "frame_id" not in first or "keypoint_scores" not in records[0][1]:
+        return None
+    column, record = records[0]
+    values, whole = form.numbers.whole(), form.whole.get(column - 1)
+    if whole is None or len(set(numbers := whole.whole().tolist())) < len(numbers):
+        return None
+    hands: dict[_Key, _Seen] = {}
+    for hand, columns in _of_record(record, f"picture {numbers[0]}", path):
+        points = values[:, columns.astype(np.int64) - 1]
+        rows = np.flatnonzero((points[..., 2] > 0).any(1))
+        if len(rows):
+            seen = [numbers[i] for i in rows.tolist()]
+            hands[_person(0), hand] = _Seen(seen, list(points[rows]))
+    return _raws(hands, sorted(numbers), path, stem(path)) if hands else None
 
 
 def _of_record(
