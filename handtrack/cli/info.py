@@ -77,7 +77,9 @@ def _print(about: dict[str, Any]) -> None:
             views = hand["settings"]["cameras"].get("views")
             click.echo(f"    reprojection error in {views} cameras, px: {numbers}")
         settings = ", ".join(
-            f"{shown(name)} {_short(value)}" for name, value in hand["settings"].items()
+            f"{shown(name)} {_short(value)}"
+            for name, value in hand["settings"].items()
+            if value is not None and value != {}
         )
         click.echo(f"    settings: {settings}")
     width = max((len(shown(topic)) for topic in about["topics"]), default=0)
@@ -110,6 +112,8 @@ def _short(value: Any, depth: int = 3) -> str:
         if len(value) > 6:
             return f"({len(value)} of them)"
         return f"[{', '.join(_short(v, depth - 1) for v in value)}]"
+    if value is None or isinstance(value, bool):
+        return {None: "none", True: "yes", False: "no"}[value]
     return f"{value:.6g}" if isinstance(value, float) else shown(str(value))
 
 
