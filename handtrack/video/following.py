@@ -31,6 +31,9 @@ DOUBTFUL = 1.25
 """Of the usual reprojection error; a frame of one camera that has more is believed less."""
 FEW, MANY = 10, 300
 """Frames that tell what is usual, at least and at most."""
+CORRECTED = 0.6
+"""How much of what a profile corrects in points is corrected in several cameras' pictures: a hand
+that is fitted to all of them takes the rest out by itself, and the whole is too much."""
 LASTING = 2.0
 """Errors that last from frame to frame are no more than so many times as loud to a filter."""
 
@@ -76,7 +79,7 @@ def follow(
     """
     chosen, detected = TrackSettings() if settings is None else settings, views.image
     if len(views.cameras) > 1 and model.has_landmarks:
-        views = views.corrected(chosen_profile(chosen.detector, views.seen_by))
+        views = views.corrected(chosen_profile(chosen.detector, views.seen_by), CORRECTED)
     n, held = len(views), np.full((len(views), 32), np.nan)
     if shown is not None and len(views.cameras) == 1 and np.isfinite(views.points).any():
         held = np.concatenate(poses_of_joints(views, model, chosen), axis=1)

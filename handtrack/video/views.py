@@ -73,14 +73,19 @@ class Views:
         """Name of the profile whose landmarks the points are; "" where none is known."""
         return f"{self.detector}-3d" if self.detector and len(self.cameras) > 1 else self.detector
 
-    def corrected(self, profile: Profile | None) -> Views:
+    def corrected(self, profile: Profile | None, share: float = 1.0) -> Views:
         """With the points, and what each camera saw, as the detector's profile corrects the points.
 
         Of one camera its points are no place in the picture: only several are meant.
+
+        Args:
+            profile: the detector's; None, or one that corrects nothing: as they are.
+            share: of the corrections.
         """
         if profile is None or profile.correction is None:
             return self
-        points = self.sequence().corrected(profile).joints
+        whole = self.sequence().corrected(profile).joints
+        points = self.points + share * (whole - self.points)
         moved = [c.project(points) - c.project(self.points) for c in self.cameras]
         image = self.image + np.nan_to_num(np.stack(moved, 1))
         return replace(self, image=image, points=points)

@@ -121,6 +121,10 @@ def test_pictures_are_moved_as_their_points_are_corrected(joints):
     assert np.array_equal(moved.points, wanted)
     assert np.isnan(moved.image[2, 1, 8]).all()
     assert views.corrected(None) is views
+    half = views.corrected(profile, 0.5)
+    assert np.allclose(half.points, 0.5 * (joints + wanted), atol=1e-7)
+    found, _ = triangulate(cameras, half.image.transpose(1, 0, 2, 3))
+    assert np.allclose(found, half.points, atol=1e-7)
 
 
 def test_a_camera_that_sees_another_hand_is_believed_less(joints):
