@@ -20,6 +20,7 @@ from handtrack.sequences.assemble import (
 )
 from handtrack.sequences.clips import clips_of
 from handtrack.sequences.hands import CHOICES, HandChoice, label_hands
+from handtrack.sequences.places import put_in_place
 from handtrack.sequences.readers import packed
 from handtrack.sequences.readers.chosen import read_chosen
 from handtrack.sequences.readers.companions import Companions, Pending, check_taken, resolved
@@ -230,6 +231,7 @@ def finished(
     raws: list[Raw], given: Given, choice: HandChoice, frames: tuple[int, int] | None
 ) -> list[Sequence]:
     """The sequences of one source, checked, labelled and cut to the frames asked for."""
+    raws = put_in_place(raws)
     seen = [raw for raw in raws if anything_seen(raw)] or raws[:1]
     sequences = [assemble(raw, given) for raw in seen]
     units = [unit_of(raw, given) for raw in seen]

@@ -133,6 +133,9 @@ ROW_TITLES = {"", "unnamed: 0", "index", "row", "id", "#", "no", "nr", "unnamed:
 
 _WORD = re.compile(r"[A-Z]{2,}(?=[xyz](?![a-z]))|[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 _3D = re.compile(r"(?<![0-9])3[dD](?![a-z])")
+_RIG = re.compile(r"^(?:CC_Base_|J_Bip_|(?:DEF|ORG|MCH)-)|(?<![a-z])f_(?=index|middle|ring|pinky)")
+"""Beginnings of all names of a rig: iClone's, VRM's, Blender's Rigify's."""
+_FINGERS_OF_BIPED = re.compile(r"^Bip\d* ([LR]) Finger([0-4])([12]?)(?=$|\W)|^Bip\d* (?=[LR] Hand)")
 _STEP = re.compile(r"[/|]")
 """Between the steps of a path in a scene, whose last names the joint."""
 _MOST_WORDS = 100
@@ -147,6 +150,7 @@ _VOCABULARY = {
 def words(name: str) -> tuple[str, ...]:
     """A name's words and numbers in lower case: "LeftHandIndex1.x" -> left, hand, index, 1, x."""
     text = _3D.sub("", name[:400].replace("µ", "u").replace("μ", "u"))
+    text = _FINGERS_OF_BIPED.sub(_of_biped, _RIG.sub("", text))
     steps = [_plain_words(step) for step in _STEP.split(text)]
     for n in range(1, len(steps)):
         last = [word for step in steps[-n:] for word in step]
@@ -156,6 +160,13 @@ def words(name: str) -> tuple[str, ...]:
             own = without_hand(tuple(last))[0]
             return tuple([side, *last] if side is not None and own is None else last)
     return tuple(word for step in steps for word in step)[:_MOST_WORDS]
+
+
+def _of_biped(match: re.Match[str]) -> str:
+    """3ds Max' "Bip01 R Finger21" as "R middle 2"."""
+    if match[1] is None:
+        return ""
+    return f"{match[1]} {FINGERS[int(match[2])]} {int(match[3] or 0) + 1}"
 
 
 def _plain_words(text: str) -> list[str]:

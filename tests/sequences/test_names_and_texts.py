@@ -13,6 +13,8 @@ import pytest
 import handtrack as ht
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import FINGERS, JOINT_NAMES
+from handtrack.sequences.names import joint_name, words
+from handtrack.sequences.settled import settle
 from handtrack.sequences.short_names import spelt_out
 
 PARTS = ("mcp", "pip", "dip", "tip")
@@ -256,3 +258,90 @@ def test_arrays_with_the_frames_last(tmp_path, right, axes):
     same(tmp_path / "a.npy", clip)
     np.save(tmp_path / "b.npy", np.stack([clip * [-1, 1, 1], clip]))
     assert sorted(s.hand for s in ht.load(tmp_path / "b.npy")) == ["left", "right"]
+
+
+def h5(path, **arrays):
+    h5py = pytest.importorskip("h5py", reason="the extra `formats` is not installed")
+    with h5py.File(path, "w") as file:
+        for name, value in arrays.items():
+            file[name.replace("__", "/")] = value
+    return path
+
+
+def test_hands_in_groups_of_an_hdf5_are_all_read(tmp_path, left, right):
+    times = np.arange(len(right)) / 60
+    path = h5(tmp_path / "a.h5", left__joints=left, right__joints=right, timestamps=times)
+    found = same(path, right)
+    np.testing.assert_allclose(found["left"].joints, left)
+    assert found["left"].fps == pytest.approx(60)
+    path = h5(tmp_path / "b.h5", demo_0__joints=right, demo_1__joints=right[:5])
+    assert [(s.name, len(s)) for s in ht.load(path)] == [
+        ("b demo_0 right", len(right)),
+        ("b demo_1 right", 5),
+    ]
+
+
+def test_records_of_other_kinds_are_no_frames(tmp_path, right):
+    lines = [{"type": "header", "fps": 30, "unit": "mm"}]
+    for i, frame in enumerate(right):
+        lines += [{"type": "frame", "t": i / 30, "joints": (frame * 1000).tolist()}]
+        lines += [{"type": "button", "t": i / 30, "pressed": True}]
+    found = same(put(tmp_path / "a.jsonl", map(json.dumps, lines)), right)["right"]
+    assert found.fps == pytest.approx(30)
+    assert any("of another kind: left out" in note for note in found.notes)
+    lines = [{"subject": "p1", "unit": "cm"}]
+    lines += [{"t": i / 30, "joints": (frame * 100).tolist()} for i, frame in enumerate(right)]
+    assert same(put(tmp_path / "b.jsonl", map(json.dumps, lines)), right)["right"].subject == "p1"
+    lost = [{"t": i / 30, "joints": f.tolist()} for i, f in enumerate(right)]
+    del lost[1]["joints"]
+    truth = right.copy()
+    truth[1] = np.nan
+    same(put(tmp_path / "c.jsonl", map(json.dumps, lost)), truth)
+
+
+def test_frames_under_their_times(tmp_path, right):
+    frames = {f"{i / 30:.5f}": {"right": f.tolist()} for i, f in enumerate(right)}
+    found = same(put(tmp_path / "a.json", [json.dumps(frames)]), right)["right"]
+    assert found.fps == pytest.approx(30, rel=1e-3)
+
+
+RIGS = {
+    "iclone": ("CC_Base_R_Hand", "CC_Base_R_{}{}", ("Thumb", "Index", "Mid", "Ring", "Pinky")),
+    "rigify": ("DEF-hand.R", "DEF-{}.0{}.R", ("thumb", "f_index", "f_middle", "f_ring", "f_pinky")),
+    "vrm": ("J_Bip_R_Hand", "J_Bip_R_{}{}", ("Thumb", "Index", "Middle", "Ring", "Little")),
+}
+
+
+@pytest.mark.parametrize("rig", [*RIGS, "biped"])
+def test_names_of_rigs(rig):
+    if rig == "biped":
+        names = ["Bip01 R Hand", *(f"Bip01 R Finger{f}{k}" for f in range(5) for k in ("", 1, 2))]
+    else:
+        wrist, form, fingers = RIGS[rig]
+        names = [wrist, *(form.format(f, k) for f in fingers for k in (1, 2, 3))]
+    said = [joint_name(words(name)) for name in names]
+    assert all(s.hand == "right" for s in said)
+    assert settle(said) == [0, *(4 * f + k for f in range(5) for k in (1, 2, 3))]
+
+
+def test_world_coordinates_under_wx_beside_the_picture(tmp_path, right):
+    axes = ("x", "y", "z", "wx", "wy", "wz")
+    head = ",".join(f"{n}_{a}" for n in JOINT_NAMES for a in axes)
+    both = np.concatenate([right * 0.3 + 0.2, right], axis=2)
+    rows = [",".join(map(str, f.ravel())) for f in both]
+    same(put(tmp_path / "a.csv", [head, *rows]), right)
+
+
+def test_hands_without_names_in_lists_of_changing_order(tmp_path, left, right):
+    other = left + np.array([0.3, 0, 0])
+    pairs = [(a, b) if i % 3 else (b, a) for i, (a, b) in enumerate(zip(other, right, strict=True))]
+    pairs[4] = (right[4],)
+    hands = [[{"joints": hand.tolist()} for hand in of] for of in pairs]
+    frames = [{"frame": i, "hands": of} for i, of in enumerate(hands)]
+    found = ht.load(put(tmp_path / "a.json", [json.dumps(frames)]))
+    truth = other.copy()
+    truth[4] = np.nan
+    first, second = sorted(found, key=lambda s: np.nanmean(s.joints[:, 0, 0]))
+    np.testing.assert_allclose(first.joints, right, atol=1e-9)
+    np.testing.assert_allclose(second.joints, truth, atol=1e-9)
+    assert any("put back by where they were" in note for note in first.notes)

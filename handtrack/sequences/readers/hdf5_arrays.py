@@ -21,7 +21,7 @@ from handtrack.sequences.readers.both_hands import by_frame, of_sides, two_hands
 from handtrack.sequences.readers.fields import from_fields
 from handtrack.sequences.readers.hdf5_file import dataset, member, names_in
 from handtrack.sequences.readers.raw import Raw
-from handtrack.sequences.titles import joints_key
+from handtrack.sequences.titles import is_hand_label, joints_key, of_side, time_unit
 
 _LENGTH, _REFERENCE = struct.Struct("<I"), 16
 """A text's length, and where it lies: 16 bytes in all."""
@@ -168,28 +168,58 @@ def read(file: Any, path: Path) -> list[Raw] | None:
     Raises:
         InputError: an array that does not fit.
     """
+    found: list[tuple[str, list[Raw]]] = []
     for group in _groups(file, path, 0):
         names = names_in(group, path)
         streams = visionpro.arrays(names)
-        if streams:
+        if streams and not found:
             arrays = {name: dataset(group, name, path) for name in names}
             return visionpro.from_arrays(
                 {k: d[()] for k, d in arrays.items() if d is not None and d.ndim >= 1}, path
             )
         if not any(joints_key(name) for name in names):
             continue
-        fields: dict[str, Any] = {k: v for k in group.attrs if (v := said(group, k, path))}
-        for name in names:
-            data = dataset(group, name, path)
-            if data is None or data.dtype.kind not in "fiuSO":
-                continue
-            value = texts(data, name, path) if data.dtype.kind in "SO" else data[()]
-            if value is None:
-                continue
-            fields[name] = value.item() if getattr(value, "ndim", 1) == 0 else value
+        fields = _fields(group, path)
+        side = next((s for n in reversed(group.name.split("/")) if (s := of_side(n)[0])), None)
+        if side is not None and not any(is_hand_label(name) for name in fields):
+            fields["hand"] = side
+        if not any(time_unit(name) is not None for name in fields):
+            fields |= _times_above(group, path)
         parts = [own for part in of_sides(fields) for own in by_frame(part, path)]
-        return [raw for part in parts for raw in two_hands(from_fields(part, path))]
-    return None
+        raws = [raw for part in parts for raw in two_hands(from_fields(part, path))]
+        found.append((group.name.strip("/"), raws))
+    several = len({raw.hand for _, raws in found for raw in raws}) < sum(len(r) for _, r in found)
+    for name, raws in found if several and len(found) > 1 else ():
+        for raw in raws:
+            raw.name = f"{raw.name} {name}".strip()
+    return [raw for _, raws in found for raw in raws] or None
+
+
+def _fields(group: Any, path: Path) -> dict[str, Any]:
+    """What a group holds and says, by name."""
+    fields: dict[str, Any] = {k: v for k in group.attrs if (v := said(group, k, path))}
+    for name in names_in(group, path):
+        data = dataset(group, name, path)
+        if data is None or data.dtype.kind not in "fiuSO":
+            continue
+        value = texts(data, name, path) if data.dtype.kind in "SO" else data[()]
+        if value is None:
+            continue
+        fields[name] = value.item() if getattr(value, "ndim", 1) == 0 else value
+    return fields
+
+
+def _times_above(group: Any, path: Path) -> dict[str, Any]:
+    """Times and what else goes for all groups in one, of the nearest that has times."""
+    while group.name != "/":
+        group = group.parent
+        for name in names_in(group, path):
+            if time_unit(name) is None:
+                continue
+            data = dataset(group, name, path)
+            if data is not None and data.dtype.kind in "fiu" and data.ndim == 1:
+                return {name: data[()]}
+    return {}
 
 
 def _groups(group: Any, path: Path, depth: int) -> list[Any]:

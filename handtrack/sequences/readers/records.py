@@ -34,8 +34,8 @@ from handtrack.sequences.readers.raw import (
     stem,
     usable_confidence,
 )
+from handtrack.sequences.readers.record_kinds import frames_among, refuse_meant
 from handtrack.sequences.readers.record_places import Picked, frame_index_of, stamps_of
-from handtrack.sequences.titles import looks_meant, time_unit
 
 
 class Key(NamedTuple):
@@ -104,8 +104,25 @@ def records_by_hand(
     """As `read_records`, not asked yet whether joints are in a picture."""
     about = about or {}
     values = blanks_as_null(list(values))
+    frames = frames_among(values)
+    if len(frames) < len(values):
+        whole = {
+            k: v for i in sorted({*range(len(values))} - {*frames}) for k, v in values[i].items()
+        }
+        plain = {k: v for k, v in whole.items() if k in (*UNIT_KEYS, *RATES, "order", "subject")}
+        found = records_by_hand(
+            [values[i] for i in frames],
+            Picked(places, frames),
+            path,
+            {**plain, **about},
+            None if logged is None else logged.take(frames),
+        )
+        note = f"{len(values) - len(frames)} records of {len(values)} are of another kind: left out"
+        for hand in found[:1]:
+            hand.raw.notes = (*hand.raw.notes, note)
+        return [hand._replace(rows=[frames[i] for i in hand.rows]) for hand in found]
     hands = _grouped(values, places, path, about)
-    _refuse_meant(values, places, path)
+    refuse_meant(values, places, path)
     said = {k: _first(values, (k,), about) for k in ("order", "name", "subject")}
     unit, rate = (_first(values, keys, about) for keys in (UNIT_KEYS, RATES))
     out = []
@@ -155,6 +172,7 @@ def _grouped(
         if not isinstance(value, dict | list | None):
             raise InputError(f"{places[i]} is no frame: expected an object or a list", path)
         found.append([(_key(f, places, i, path, about), f) for f in hands_in(value)])
+    found = _by_place(found)
     _check_kinds(values, places, found, path)
     seen = {key for of in found for key, f in of if f.value is not None}
     if not seen:
@@ -183,6 +201,14 @@ def _grouped(
         hand.rows = list(range(len(values))) if everything else sorted(hand.found)
     kept = {k: h for k, h in hands.items() if any(f.value is not None for f in h.found.values())}
     return dict(sorted(kept.items(), key=lambda item: (item[0].hand or "", item[0].number)))
+
+
+def _by_place(found: list[list[tuple[Key, Found]]]) -> list[list[tuple[Key, Found]]]:
+    """Hands of frames that nothing tells apart, by their places in the frames' lists."""
+    bare = Key(None, "")
+    if not any(len(of) > 1 for of in found) or any(key != bare for of in found for key, _ in of):
+        return found
+    return [[(Key(None, str(k)), one) for k, (_, one) in enumerate(of)] for of in found]
 
 
 def _key(found: Found, places: Items[str], i: int, path: Path, about: dict[str, Any]) -> Key:
@@ -312,19 +338,3 @@ def _whole_confidence(given: list[Found], places: Items[str], n: int, path: Path
             raise InputError(f"{place}: confidence has shape {array.shape}, expected ({n},)", path)
         row[:] = array
     return rows
-
-
-def _refuse_meant(values: Items[Any], places: Items[str], path: Path) -> None:
-    """Refuse keys that look like a time or a hand and are not understood."""
-    kinds = {tuple(v): i for i, v in reversed(list(enumerate(values))) if isinstance(v, dict)}
-    for keys, i in kinds.items():
-        for key in keys:
-            if values[i][key] is None or time_unit(str(key)) is not None:
-                continue
-            kind = looks_meant(str(key))
-            if kind in ("a time", "a hand") and isinstance(values[i][key], int | float | str):
-                raise InputError(
-                    f"{places[i]}: {str(key)[:40]!r} looks like {kind} and is not understood: name"
-                    f" it {'time_s' if kind == 'a time' else 'hand'}, or leave it out",
-                    path,
-                )

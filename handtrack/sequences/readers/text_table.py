@@ -188,12 +188,17 @@ def doubled(titles: list[str]) -> list[str]:
     return out
 
 
+_WORLD_AXIS = re.compile(r"(?<![A-Za-z])w([xyz])$", re.IGNORECASE)
 _WORLDS = 36
 """So many coordinates called of the world are a hand's."""
 
 
 def worlds_only(titles: list[str]) -> list[str]:
     """Titles of places in the picture left empty, where the same table has them in the world."""
+    named = [_WORLD_AXIS.sub(r"world_\1", title) for title in titles]
+    of_world = sum(a != b for a, b in zip(named, titles, strict=True))
+    if of_world in (3 * N_JOINTS, 6 * N_JOINTS):
+        titles = named
     places = [
         c for c, t in enumerate(titles) if (said := column(t)) is not None and said.axis is not None
     ]
