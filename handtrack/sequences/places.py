@@ -29,11 +29,11 @@ def put_in_place(raws: list[Raw]) -> list[Raw]:
     swapped = _swapped(first.joints, second.joints)
     if swapped is None:
         return raws
-    confidence = (first.confidence, second.confidence)
+    one, other = first.confidence, second.confidence
     ours = _exchanged(first.joints, second.joints, swapped)
     out = [replace(raw, joints=joints) for raw, joints in zip(raws, ours, strict=True)]
-    if confidence[0] is not None and confidence[1] is not None:
-        for raw, sure in zip(out, _exchanged(*confidence, swapped), strict=True):
+    if one is not None and other is not None:
+        for raw, sure in zip(out, _exchanged(one, other, swapped), strict=True):
             raw.confidence = sure
     note = f"hands without names change places in {int(swapped.sum())} of {len(swapped)} frames:"
     for raw in out:

@@ -312,10 +312,8 @@ def _with_what_it_says(value: dict[str, Any]) -> dict[str, Any]:
 
 def _numbered(value: dict[str, Any]) -> list[Any]:
     """Frames under their numbers ("12", "frame_0012"), each with it; none where it is not so."""
-    if len(value) > 1 and all(re.fullmatch(r"\d{1,10}\.\d{1,9}", k) for k in value):
-        return [
-            {"time": float(k)} | (v or {}) for k, v in value.items() if isinstance(v, dict | None)
-        ]
+    if len(value) > 1 and all(re.fullmatch(r"\d{1,10}\.\d{1,9}", key) for key in value):
+        return [{"time": float(t)} | v for t, v in value.items() if isinstance(v, dict)]
     said = [_NUMBER.fullmatch(key) for key in value]
     if len(value) < 2 or not all(said) or len({m[1].lower() for m in said if m is not None}) > 1:
         return []

@@ -19,7 +19,7 @@ def frames_among(values: Sequence[Any]) -> list[int]:
     everything = list(range(len(values)))
     if not all(v is None or isinstance(v, dict) for v in values):
         return everything
-    some = next((v for v in values if v), {})
+    some: dict[str, Any] = next((v for v in values if v), {})
     tag = next((key for key in _TAGS if isinstance(some.get(key), str)), None)
     out = everything
     if tag is not None:

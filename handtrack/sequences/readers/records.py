@@ -110,7 +110,7 @@ def records_by_hand(
             k: v for i in sorted({*range(len(values))} - {*frames}) for k, v in values[i].items()
         }
         plain = {k: v for k, v in whole.items() if k in (*UNIT_KEYS, *RATES, "order", "subject")}
-        found = records_by_hand(
+        of_frames = records_by_hand(
             [values[i] for i in frames],
             Picked(places, frames),
             path,
@@ -118,9 +118,9 @@ def records_by_hand(
             None if logged is None else logged.take(frames),
         )
         note = f"{len(values) - len(frames)} records of {len(values)} are of another kind: left out"
-        for hand in found[:1]:
-            hand.raw.notes = (*hand.raw.notes, note)
-        return [hand._replace(rows=[frames[i] for i in hand.rows]) for hand in found]
+        for one in of_frames[:1]:
+            one.raw.notes = (*one.raw.notes, note)
+        return [one._replace(rows=[frames[i] for i in one.rows]) for one in of_frames]
     hands = _grouped(values, places, path, about)
     refuse_meant(values, places, path)
     said = {k: _first(values, (k,), about) for k in ("order", "name", "subject")}
