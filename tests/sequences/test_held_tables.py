@@ -71,3 +71,33 @@ def test_an_infinite_number_is_told(tmp_path, right):
     parquet.write_table(columns, tmp_path / "a.parquet")
     with pytest.raises(ht.InputError, match="infinite"):
         ht.load(tmp_path / "a.parquet")
+
+
+def test_many_rows_are_read_some_at_a_time(tmp_path, right, monkeypatch):
+    from pyarrow import parquet
+
+    from handtrack.sequences.readers import parquet_file
+
+    columns = table(right, time=np.arange(ROWS) / 60, frame=np.arange(ROWS))
+    parquet.write_table(columns, tmp_path / "a.parquet")
+    (whole,) = ht.load(tmp_path / "a.parquet")
+    monkeypatch.setattr(parquet_file, "_BATCH", 37)
+    monkeypatch.setattr(parquet_file, "_read_flat", None)
+    (parts,) = ht.load(tmp_path / "a.parquet")
+    np.testing.assert_array_equal(parts.joints, whole.joints)
+    np.testing.assert_array_equal(parts.time_ns, whole.time_ns)
+    np.testing.assert_array_equal(parts.frame_index, whole.frame_index)
+    assert (parts.hand, parts.notes) == (whole.hand, whole.notes)
+
+
+def test_large_hdf5_is_read_some_at_a_time(tmp_path, right, monkeypatch):
+    h5py = pytest.importorskip("h5py", reason="the extra `formats` is not installed")
+    from handtrack.sequences.readers import hdf5_file
+
+    joints = np.resize(right, (ROWS, 21, 3)) + np.arange(ROWS)[:, None, None] * 1e-5
+    with h5py.File(tmp_path / "a.hdf5", "w") as file:
+        file.create_dataset("right/joints", data=joints, chunks=(13, 7, 3))
+    monkeypatch.setattr(hdf5_file, "MOST", 1000)
+    monkeypatch.setattr(hdf5_file, "_BLOCK", 20_000)
+    (read,) = ht.load(tmp_path / "a.hdf5")
+    np.testing.assert_array_equal(read.joints, joints)

@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError, shown
 from handtrack.files import budget
+from handtrack.files.long_arrays import MOST, Growing, blocks
 from handtrack.sequences.readers.catalogue import formats
 from handtrack.sequences.readers.raw import NotJointsError, Raw
 
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 _MOST_NAMES = 5000
 _HEAP = re.compile(rb"GCOL\x01\0\0\0(.{8})", re.DOTALL)
+_BLOCK = 8 * budget.MB
 _SEARCHED = 256 * budget.MB
 
 
@@ -132,7 +134,15 @@ def numbers(data: Any, name: str, path: Path) -> NDArray[np.float64]:
     """
     if data.dtype.kind not in "fiu":
         raise InputError(f"{shown(name, 60)} holds {data.dtype}, expected numbers", path)
-    return np.asarray(data[()], dtype=np.float64)
+    if data.ndim < 2 or data.size * 8 <= MOST:
+        return np.asarray(data[()], dtype=np.float64)
+    made = Growing(data.shape[1:])
+    # whole chunks: each is unpacked for whatever is asked of it
+    step = max(1, _BLOCK * len(data) // (8 * data.size))
+    step = -(-step // data.chunks[0]) * data.chunks[0] if data.chunks else step
+    for part in blocks(len(data), step):
+        made.append(data[part])
+    return made.whole()
 
 
 def read_hdf5(path: Path) -> list[Raw]:

@@ -34,7 +34,7 @@ _WIDE = 60
 """A line of so many cells is a frame."""
 
 
-class _DiffersError(Exception):
+class DiffersError(Exception):
     """A block is not as those before."""
 
 
@@ -59,7 +59,7 @@ def read_long_text(path: Path, read: Callable[[bytes, Path], list[Raw]]) -> list
             if first.removeprefix(_MARK).lstrip()[:1] in (b"{", b"["):
                 return _of_json(file, path) if is_lines(first) else None
             return _of_table(file, first, path, read)
-        except (InputError, NotAlikeError, _DiffersError):
+        except (InputError, NotAlikeError, DiffersError):
             return None
 
 
@@ -104,7 +104,7 @@ def _of_table(
         column = next((c for c, t in enumerate(table.titles or ()) if is_frame_number(t)), None)
         if column is None or table.separator is None:
             return None
-    kept: list[_Hand] = []
+    kept: list[Whole] = []
     rest, skip = b"", len(header)
     for block in _lines_of(file):
         body, rest = _cut(rest + block[skip:], column, (table.separator or " ").encode())
@@ -112,10 +112,10 @@ def _of_table(
         if not body:
             continue
         if b'"' in body:
-            raise _DiffersError
-        _join(kept, read(header + body, path))
+            raise DiffersError
+        join(kept, read(header + body, path))
     if rest:
-        _join(kept, read(header + rest, path))
+        join(kept, read(header + rest, path))
     return [hand.whole() for hand in kept]
 
 
@@ -139,7 +139,7 @@ def _cut(text: bytes, column: int | None, separator: bytes) -> tuple[bytes, byte
     return b"", text
 
 
-class _Hand:
+class Whole:
     """One hand, block by block."""
 
     def __init__(self, raw: Raw) -> None:
@@ -154,7 +154,7 @@ class _Hand:
         """More of it.
 
         Raises:
-            _DiffersError: it is not alike.
+            DiffersError: it is not alike.
         """
         same = all(
             getattr(raw, name) == getattr(self.raw, name)
@@ -167,20 +167,20 @@ class _Hand:
         )
         odd = raw.pending, raw.mano, raw.truth, raw.time_ns
         if not same or odd != (None,) * 4 or raw.joints.shape[1:] != self.joints.shape:
-            raise _DiffersError
+            raise DiffersError
         self.joints.append(raw.joints)
         if self.sure is not None and raw.confidence is not None:
             self.sure.append(raw.confidence)
         if self.index is not None and raw.frame_index is not None:
             if self.last >= 0 and raw.frame_index[0] != self.last + 1:
-                raise _DiffersError  # frames between, or a clip that begins again
+                raise DiffersError  # frames between, or a clip that begins again
             self.index.append(raw.frame_index)
             self.last = int(raw.frame_index[-1])
         if raw.stamps is not None:
             values = raw.stamps.values
             known = self.times[0].values if self.times else values
             if getattr(values, "dtype", list) != getattr(known, "dtype", list):
-                raise _DiffersError
+                raise DiffersError
             self.times.append(replace(raw.stamps, places=None))
 
     def whole(self) -> Raw:
@@ -190,17 +190,24 @@ class _Hand:
         raw.frame_index = None if self.index is None else np.array(self.index.whole())
         if self.times:
             parts = [t.values for t in self.times]
-            values: Any = [v for part in parts for v in part]
+            values: Any
             if isinstance(parts[0], np.ndarray):
                 values = np.concatenate(parts)
+            else:
+                values = [v for part in parts for v in part]
             raw.stamps = replace(self.times[0], values=values)
         return raw
 
 
-def _join(kept: list[_Hand], raws: list[Raw]) -> None:
+def join(kept: list[Whole], raws: list[Raw]) -> None:
+    """Add the hands of one more block.
+
+    Raises:
+        DiffersError: they are not as those before.
+    """
     if not kept:
-        kept += map(_Hand, raws)
+        kept += map(Whole, raws)
     if len(raws) != len(kept):
-        raise _DiffersError
+        raise DiffersError
     for hand, raw in zip(kept, raws, strict=True):
         hand.append(raw)

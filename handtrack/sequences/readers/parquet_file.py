@@ -21,12 +21,14 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError, shown
 from handtrack.files import budget
-from handtrack.files.long_arrays import blocks
+from handtrack.files.long_arrays import blocks, release
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import as_side, words
 from handtrack.sequences.readers import text_table
+from handtrack.sequences.readers.arrow_types import is_flat, is_list, is_of_width, is_plain
 from handtrack.sequences.readers.both_hands import two_hands
 from handtrack.sequences.readers.catalogue import Format, Way
+from handtrack.sequences.readers.long_text import DiffersError, Whole, join
 from handtrack.sequences.readers.raw import NotJointsError, Raw, as_fps, stem, take_rows
 from handtrack.sequences.readers.table_held import as_held
 from handtrack.sequences.readers.table_rows import OBSERVED, TRUTH
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
 
 PARQUET_MAGIC = b"PAR1"
 _WIDTHS = (63, 126)
+_BATCH = 1 << 15
 _MOST_COLUMNS = 5000
 _INFO = 10_000_000
 
@@ -59,14 +62,17 @@ def read_parquet(path: Path) -> list[Raw]:
             raise InputError("a table without rows", path)
         if len(schema) > _MOST_COLUMNS:
             raise NotJointsError(f"a table of {len(schema)} columns is of no hands", path)
-        lists = [f.name for f in schema if _is_list(f.type)]
+        lists = [f.name for f in schema if is_list(f.type)]
         if not lists:
+            found = _in_batches(file, path) if about.num_rows > _BATCH else None
+            if found is not None:
+                return found
             table, hand = _of_export(file.read())
             raws = _read_flat(table, path)
             for raw in raws:
                 raw.hand = raw.hand or hand
             return raws
-        plain = [f.name for f in schema if not _is_list(f.type) and _is_plain(f.type, pyarrow)]
+        plain = [f.name for f in schema if not is_list(f.type) and is_plain(f.type, pyarrow)]
         table = file.read(columns=[*lists, *plain])
         hand = as_side((schema.metadata or {}).get(b"hand", b"").decode("utf-8", "replace"))
     raws = _episodes(table, lists, path)
@@ -89,37 +95,39 @@ def _telling(path: Path) -> Iterator[None]:
         raise InputError(f"the Parquet file is damaged or cut short ({text})", path) from None
 
 
-def _is_list(kind: Any) -> bool:
-    from pyarrow import types
-
-    return bool(
-        types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)
-    ) and _is_numbers(kind.value_type)
-
-
-def _is_numbers(kind: Any) -> bool:
-    from pyarrow import types
-
-    return bool(types.is_floating(kind) or types.is_integer(kind)) or _is_list(kind)
-
-
-def _is_plain(kind: Any, pyarrow: Any) -> bool:
-    types = pyarrow.types
-    numbers = types.is_floating(kind) or types.is_integer(kind) or types.is_timestamp(kind)
-    return bool(numbers or types.is_string(kind) or types.is_large_string(kind))
-
-
 def _read_flat(table: pyarrow.Table, path: Path) -> list[Raw]:
     """A table of numbers and texts, as the same table in CSV is read."""
     from pyarrow import csv
 
-    usable = [f.name for f in table.schema if _is_flat(f.type)]
+    usable = [f.name for f in table.schema if is_flat(f.type)]
     held = as_held(table.select(usable), path)
     if held is not None:
         return text_table.read_made(held, path)
     text = io.BytesIO()
     csv.write_csv(table.select(usable), text, csv.WriteOptions(quoting_style="needed"))
     return text_table.read_table(text.getvalue(), path)
+
+
+def _in_batches(file: Any, path: Path) -> list[Raw] | None:
+    """The hands of a long table of numbers, some rows at a time; None of another."""
+    import pyarrow
+
+    kept: list[Whole] = []
+    hand = None
+    for batch in file.iter_batches(_BATCH):
+        table, hand = _of_export(pyarrow.Table.from_batches([batch]))
+        held = as_held(table.select([f.name for f in table.schema if is_flat(f.type)]), path, 1)
+        try:
+            if held is None:
+                return None
+            join(kept, text_table.read_made(held, path))
+        except (InputError, DiffersError):  # the whole table says what is wrong, and where
+            return None
+        release()
+    raws = [one.whole() for one in kept]
+    for raw in raws:
+        raw.hand = raw.hand or hand
+    return raws
 
 
 def _of_export(table: pyarrow.Table) -> tuple[pyarrow.Table, Any]:
@@ -136,12 +144,6 @@ def _of_export(table: pyarrow.Table) -> tuple[pyarrow.Table, Any]:
         hand = None
     keep = [n for n in ("frame", "time_ns") if n in table.column_names]
     return table.select([*keep, *observed]), as_side(str(hand))
-
-
-def _is_flat(kind: Any) -> bool:
-    from pyarrow import types
-
-    return not (types.is_nested(kind) or types.is_binary(kind) or types.is_large_binary(kind))
 
 
 def _episodes(table: pyarrow.Table, lists: list[str], path: Path) -> list[Raw]:
@@ -187,7 +189,7 @@ def _rows(table: pyarrow.Table, name: str, path: Path) -> NDArray[np.float64] | 
         column = pyarrow.concat_arrays(column.chunks)
     n, there = len(column), np.asarray(column.is_valid())
     flat = column.drop_null()
-    while _is_list(flat.type):
+    while is_list(flat.type):
         flat = flat.flatten()
     if flat.null_count:
         flat = flat.cast(pyarrow.float64()).fill_null(np.nan)
@@ -197,7 +199,7 @@ def _rows(table: pyarrow.Table, name: str, path: Path) -> NDArray[np.float64] | 
         return None
     width = len(values) // count
     some = column.drop_null().slice(0, 1000).to_pylist()
-    if not _is_of_width(column.type, width) and any(len(_flat(row)) != width for row in some):
+    if not is_of_width(column.type, width) and any(len(_flat(row)) != width for row in some):
         return None
     if count == n:
         out = values.reshape(n, width).astype(np.float64)
@@ -207,13 +209,6 @@ def _rows(table: pyarrow.Table, name: str, path: Path) -> NDArray[np.float64] | 
     if any(np.isinf(out[part]).any() for part in blocks(n)):
         raise InputError(f"column {shown(name, 40)} holds an infinite number", path)
     return out
-
-
-def _is_of_width(kind: Any, width: int) -> bool:
-    """Whether a type says that lists are so long."""
-    from pyarrow import types
-
-    return bool(types.is_fixed_size_list(kind)) and kind.list_size == width
 
 
 def _flat(value: Any) -> list[Any]:

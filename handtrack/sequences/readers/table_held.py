@@ -87,12 +87,12 @@ class _Rows(Items[str]):
         return ",".join("" if v is None else str(v) for v in row.values())
 
 
-def as_held(table: pyarrow.Table, path: Path) -> HeldTable | None:
+def as_held(table: pyarrow.Table, path: Path, fewest: int = FEWEST_ROWS) -> HeldTable | None:
     """A large table of numbers alone, with plain titles; None of others."""
     from pyarrow import types
 
     titles = [name.strip() for name in table.column_names]
-    if len(table) < FEWEST_ROWS or len(titles) < FEWEST_COLUMNS or len(set(titles)) < len(titles):
+    if len(table) < fewest or len(titles) < FEWEST_COLUMNS or len(set(titles)) < len(titles):
         return None
     numbers = (types.is_float64, types.is_float32, types.is_signed_integer)
     if not all(any(of(kind) for of in numbers) for kind in table.schema.types):
