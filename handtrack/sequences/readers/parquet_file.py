@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError, shown
 from handtrack.files import budget
-from handtrack.files.long_arrays import blocks, release
+from handtrack.files.long_arrays import release, rows_of
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import as_side, words
 from handtrack.sequences.readers import text_table
-from handtrack.sequences.readers.arrow_types import is_flat, is_list, is_of_width, is_plain
+from handtrack.sequences.readers.arrow_types import is_flat, is_list, is_plain
 from handtrack.sequences.readers.both_hands import two_hands
 from handtrack.sequences.readers.catalogue import Format, Way
+from handtrack.sequences.readers.list_columns import rows_of_lists
 from handtrack.sequences.readers.long_text import DiffersError, Whole, join
 from handtrack.sequences.readers.raw import NotJointsError, Raw, as_fps, stem, take_rows
 from handtrack.sequences.readers.table_held import as_held
@@ -149,7 +150,7 @@ def _of_export(table: pyarrow.Table) -> tuple[pyarrow.Table, Any]:
 def _episodes(table: pyarrow.Table, lists: list[str], path: Path) -> list[Raw]:
     """The hands of each episode, in the order of the rows."""
     info = _info(path)
-    arrays = {name: _rows(table, name, path) for name in lists}
+    arrays = {name: rows_of_lists(table, name, path) for name in lists}
     joints = {n: v for n, v in arrays.items() if v is not None and v.shape[1] in _WIDTHS}
     # what a robot was told is no hand that was seen
     observed = {n: v for n, v in joints.items() if not n.startswith("action")} or joints
@@ -171,50 +172,14 @@ def _episodes(table: pyarrow.Table, lists: list[str], path: Path) -> list[Raw]:
         raws += by_name
         if not by_name:
             for name, values in observed.items():
-                part = values[rows].reshape(len(rows), -1, 3)
+                part = values if len(rows) == len(values) else rows_of(values, rows)
+                part = part.reshape(len(rows), -1, 3)
                 raw = Raw(part, path, title, hand=_side(name))
                 raw = _timed(raw, table, rows, info)
                 raws += two_hands(raw)
     if not raws:
         raise NotJointsError("no column whose numbers are named as joints", path)
     return raws
-
-
-def _rows(table: pyarrow.Table, name: str, path: Path) -> NDArray[np.float64] | None:
-    """(rows, numbers) of a column of lists of one length; None where they are not."""
-    import pyarrow
-
-    column = table.column(name).combine_chunks()
-    if isinstance(column, pyarrow.ChunkedArray):
-        column = pyarrow.concat_arrays(column.chunks)
-    n, there = len(column), np.asarray(column.is_valid())
-    flat = column.drop_null()
-    while is_list(flat.type):
-        flat = flat.flatten()
-    if flat.null_count:
-        flat = flat.cast(pyarrow.float64()).fill_null(np.nan)
-    values = np.asarray(flat)
-    count = int(there.sum())
-    if not count or len(values) % count:
-        return None
-    width = len(values) // count
-    some = column.drop_null().slice(0, 1000).to_pylist()
-    if not is_of_width(column.type, width) and any(len(_flat(row)) != width for row in some):
-        return None
-    if count == n:
-        out = values.reshape(n, width).astype(np.float64)
-    else:
-        out = np.full((n, width), np.nan)
-        out[there] = values.reshape(count, width)
-    if any(np.isinf(out[part]).any() for part in blocks(n)):
-        raise InputError(f"column {shown(name, 40)} holds an infinite number", path)
-    return out
-
-
-def _flat(value: Any) -> list[Any]:
-    if isinstance(value, list) and value and isinstance(value[0], list):
-        return [x for part in value for x in _flat(part)]
-    return value if isinstance(value, list) else []
 
 
 def _by_episode(table: pyarrow.Table, path: Path) -> Iterator[tuple[NDArray[np.int64], int | None]]:

@@ -1,0 +1,85 @@
+"""Columns of lists of numbers as arrays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handtrack.errors import InputError, shown
+from handtrack.files.long_arrays import Growing, blocks
+from handtrack.sequences.readers.arrow_types import is_list, is_of_width
+
+if TYPE_CHECKING:
+    import pyarrow
+
+
+def rows_of_lists(table: pyarrow.Table, name: str, path: Path) -> NDArray[np.float64] | None:
+    """(rows, numbers) of a column of lists of one length; None where they are not."""
+    import pyarrow
+
+    found = _even(table.column(name), name, path)
+    if found is not None:
+        return found
+    column = table.column(name).combine_chunks()
+    if isinstance(column, pyarrow.ChunkedArray):
+        column = pyarrow.concat_arrays(column.chunks)
+    n, there = len(column), np.asarray(column.is_valid())
+    flat = column.drop_null()
+    while is_list(flat.type):
+        flat = flat.flatten()
+    if flat.null_count:
+        flat = flat.cast(pyarrow.float64()).fill_null(np.nan)
+    values = np.asarray(flat)
+    count = int(there.sum())
+    if not count or len(values) % count:
+        return None
+    width = len(values) // count
+    some = column.drop_null().slice(0, 1000).to_pylist()
+    if not is_of_width(column.type, width) and any(len(_flat(row)) != width for row in some):
+        return None
+    if count == n:
+        out = values.reshape(n, width).astype(np.float64)
+    else:
+        out = np.full((n, width), np.nan)
+        out[there] = values.reshape(count, width)
+    if any(np.isinf(out[part]).any() for part in blocks(n)):
+        raise InputError(f"column {shown(name, 40)} holds an infinite number", path)
+    return out
+
+
+def _even(column: Any, name: str, path: Path) -> NDArray[np.float64] | None:
+    """(rows, numbers) of lists that all are there and as long as the first; None of others."""
+    from pyarrow import compute
+
+    made: Growing | None = None
+    for chunk in column.chunks:
+        flat = chunk
+        while is_list(flat.type):
+            flat = flat.flatten()
+        width = len(flat) // max(len(chunk), 1)
+        if chunk.null_count or flat.null_count or len(chunk) * width != len(flat):
+            return None
+        if not is_of_width(chunk.type, width):
+            if is_list(chunk.type.value_type):
+                return None
+            least_most = compute.min_max(compute.list_value_length(chunk)).as_py()
+            if len(chunk) and set(least_most.values()) != {width}:
+                return None
+        values = np.asarray(flat).reshape(len(chunk), width)
+        made = Growing((width,)) if made is None else made
+        if made.shape != (width,):
+            return None
+        for part in blocks(len(chunk)):
+            if np.isinf(values[part]).any():
+                raise InputError(f"column {shown(name, 40)} holds an infinite number", path)
+            made.append(values[part])
+    return None if made is None else made.whole()
+
+
+def _flat(value: Any) -> list[Any]:
+    if isinstance(value, list) and value and isinstance(value[0], list):
+        return [x for part in value for x in _flat(part)]
+    return value if isinstance(value, list) else []
