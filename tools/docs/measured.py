@@ -18,7 +18,6 @@ def tables() -> dict[str, str]:
         "methods": methods(),
         "accuracy_tune": accuracy("accuracy_tune"),
         "accuracy_holdout": accuracy("accuracy_holdout"),
-        "accuracy_holdout4": accuracy("accuracy_holdout4"),
         "accuracy_ladder": as_kept("accuracy_ladder"),
         "lasting_noise": as_kept("lasting_noise"),
         "lasting_unknown": as_kept("lasting_unknown"),
@@ -75,6 +74,8 @@ def accuracy(name: str) -> str:
                     f"{100 * row['nearer']:.0f} %",
                     f"{moving:.2f}",
                     "–" if angle is None else f"{angle:.1f}",
+                    f"{row['acceleration']['value']:.2f}",
+                    f"{row['jitter']['value']:.0f} ({row['jitter_truth']['value']:.0f})",
                 ]
             )
     head = [
@@ -85,6 +86,8 @@ def accuracy(name: str) -> str:
         "nearer",
         "moving, of raw",
         "angles, degrees",
+        "acc., m/s²",
+        "jitter (truth's), m/s³",
     ]
     return table(head, out)
 

@@ -19,7 +19,7 @@ from handtrack.files import budget
 from handtrack.sequences.readers import visionpro
 from handtrack.sequences.readers.both_hands import by_frame, of_sides, two_hands
 from handtrack.sequences.readers.fields import from_fields
-from handtrack.sequences.readers.hdf5_file import dataset, member, names_in
+from handtrack.sequences.readers.hdf5_file import dataset, member, names_in, numbers
 from handtrack.sequences.readers.raw import Raw
 from handtrack.sequences.titles import is_hand_label, joints_key, of_side, time_unit
 
@@ -175,7 +175,12 @@ def read(file: Any, path: Path) -> list[Raw] | None:
         if streams and not found:
             arrays = {name: dataset(group, name, path) for name in names}
             return visionpro.from_arrays(
-                {k: d[()] for k, d in arrays.items() if d is not None and d.ndim >= 1}, path
+                {
+                    k: _values(d, k, path)
+                    for k, d in arrays.items()
+                    if d is not None and d.ndim >= 1
+                },
+                path,
             )
         if not any(joints_key(name) for name in names):
             continue
@@ -202,11 +207,16 @@ def _fields(group: Any, path: Path) -> dict[str, Any]:
         data = dataset(group, name, path)
         if data is None or data.dtype.kind not in "fiuSO":
             continue
-        value = texts(data, name, path) if data.dtype.kind in "SO" else data[()]
+        value = texts(data, name, path) if data.dtype.kind in "SO" else _values(data, name, path)
         if value is None:
             continue
         fields[name] = value.item() if getattr(value, "ndim", 1) == 0 else value
     return fields
+
+
+def _values(data: Any, name: str, path: Path) -> Any:
+    """All of a data set; what is long stands in a file without a name."""
+    return numbers(data, name, path) if data.dtype.kind == "f" and data.ndim > 1 else data[()]
 
 
 def _times_above(group: Any, path: Path) -> dict[str, Any]:

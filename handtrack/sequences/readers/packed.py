@@ -91,6 +91,8 @@ def only_member(path: Path) -> str | None:
 
 def holds_files(path: Path) -> bool:
     """Whether it is a .zip of several files, other than an .npz."""
+    if not path.is_file():
+        return False  # a pipe would wait for its writer
     try:
         with path.open("rb") as file:
             if file.read(len(_ZIP)) != _ZIP:

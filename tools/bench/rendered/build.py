@@ -38,10 +38,11 @@ _HELD_OUT = {
     "holdout3": (100, 0.5, 4000),
     "holdout4": (220, 0.25, 6000),
     "holdout5": (320, 0.0, 7000),
+    "holdout6": (440, 0.6, 8000),
 }
-SPLITS = ("tune", "holdout", "holdout2", "holdout3", "holdout4")
+SPLITS = ("tune", "holdout", "holdout2", "holdout3", "holdout4", "holdout5")
 """What is measured."""
-NEXT = "holdout5"
+NEXT = "holdout6"
 """Held out for the next time: planned, and not drawn yet."""
 
 
