@@ -113,6 +113,18 @@ def test_files_under_another_name(dataset):
     assert [len(s) for s in ht.load(dataset)] == [11, 12, 7]
 
 
+@pytest.mark.parametrize("called", [name, "frame_{}.json".format])
+def test_one_person_alone_is_named_by_the_recording(tmp_path, left, right, called):
+    """Files of one hand of each side are Panoptic's, and no single frames of something else."""
+    folder = tmp_path / "171204_pose6" / "hdHand3d"
+    folder.mkdir(parents=True)
+    for i in range(5):
+        people = [{"id": 0, "left_hand": hand(left[i]), "right_hand": hand(right[i])}]
+        (folder / called(i)).write_text(json.dumps(frame(people)))
+    found = ht.load(folder)
+    assert [s.name for s in found] == ["171204_pose6 person0 left", "171204_pose6 person0 right"]
+
+
 def test_frame_range_opens_only_those_files(tmp_path, right):
     folder = tmp_path / "long"
     folder.mkdir()

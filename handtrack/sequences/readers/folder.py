@@ -65,6 +65,7 @@ def sources(folder: Path) -> Iterator[Source]:
             continue
         data = sorted(n for n in names if may_be_data(n))
         single = together((n for n in data if not _is_numbered(n)), here)
+        single = [group for group in single if not _is_of_people(group[0], here)]
         taken = {name for group in single for name in group}
         for group in single:
             yield Source(here, tuple(group), people=False)
@@ -142,14 +143,19 @@ def _groups(names: list[str], here: Path) -> Iterator[list[str]]:
         else:
             numbered.setdefault(prefix, []).append(name)
     for members in numbered.values():
-        if panoptic.FILE_NAME.fullmatch(members[0]) or _holds_people(here / members[0]):
+        if _is_of_people(members[0], here):
             yield members
         else:
             yield from ([name] for name in members)
 
 
-def _holds_people(path: Path) -> bool:
-    """Whether it is a Panoptic frame under another name."""
+def _is_of_people(name: str, here: Path) -> bool:
+    """Whether it is a Panoptic frame, by its name or under another one."""
+    if panoptic.FILE_NAME.fullmatch(name):
+        return True
+    if panoptic.prefix(name) is None:
+        return False
+    path = here / name
     try:
         return "people" in decode(budget.read(path), dict[str, msgspec.Raw], path)
     except InputError:
