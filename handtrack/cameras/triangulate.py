@@ -104,19 +104,20 @@ def _shared(
 ) -> Array:
     """(n, 3): the least w * loss of the undistorted reprojection errors, by Gauss and Newton with
     weights that follow the errors; a step that makes a point worse is not taken."""
-    best, found = _loss(cameras, points, rays, w, cauchy_px)
-    points = points.copy()
-    moving = np.isfinite(best)
+    points, left = points.copy(), np.arange(len(points))
+    best, (normal, right) = _loss(cameras, points, rays, w, cauchy_px)
+    better = np.isfinite(best)
     for _ in range(_STEPS):
-        if not moving.any():
+        left, best = left[better], best[better]
+        normal, right = normal[better], right[better]
+        if not left.size:
             break
-        normal, right = (x[moving] for x in found)
-        tried = points.copy()
         # a depth that parallel rays leave open stays where it is
-        tried[moving] -= (np.linalg.pinv(normal, hermitian=True) @ right[..., None])[..., 0]
-        loss, found = _loss(cameras, tried, rays, w, cauchy_px)
-        moving &= loss < (1.0 - _ENOUGH) * best
-        points[moving], best = tried[moving], np.where(moving, loss, best)
+        step = (np.linalg.pinv(normal, hermitian=True) @ right[..., None])[..., 0]
+        tried = points[left] - step
+        loss, (normal, right) = _loss(cameras, tried, rays[:, left], w[:, left], cauchy_px)
+        better = loss < (1.0 - _ENOUGH) * best
+        points[left[better]], best = tried[better], loss
     return points
 
 

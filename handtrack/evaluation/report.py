@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from handtrack.evaluation.bootstrap import Uncertain
 from handtrack.evaluation.compare import Comparison
-from handtrack.evaluation.results import Spread, Stability, StabilityReport
+from handtrack.evaluation.report_columns import (
+    MUST,
+    fitting,
+    mean_std,
+    percent,
+    short,
+    that_fit,
+    with_limits,
+)
+from handtrack.evaluation.results import Stability, StabilityReport
 from handtrack.evaluation.tables import PaperRows, panoptic_rows
 
 if TYPE_CHECKING:
@@ -25,11 +32,6 @@ MEANING = {
     ),
     "nothing": "Joints that come alone, or fitted to pictures: no errors in mm, but how they move.",
 }
-_GAP = 3
-"""Characters between two columns."""
-_NAME = 20
-"""Longer names may be folded."""
-
 
 _ERRORS = (
     "Errors in mm (mean ± std over frames): PA-MPJPE after similarity alignment of each frame,"
@@ -81,7 +83,7 @@ def print_table(report: StabilityReport, console: Console | None = None) -> None
     console = console or _console()
     several = len(report.sequences) > 1
     rows = [*report.sequences, report.overall] if several else list(report.sequences)
-    columns, left_out = _that_fit(rows, console.width)
+    columns, left_out = that_fit(rows, console.width)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1))
     for column in columns:
         left = column.heading in ("sequence", "hand", "against")
@@ -135,7 +137,7 @@ def print_comparison(comparison: Comparison, console: Console | None = None) -> 
             cells = [escape(row.name)]
             for report in methods.values():
                 same = [r for r in report.sequences if (r.name, r.hand) == (row.name, row.hand)]
-                cells.append(_mean_std(same[0].pa_mpjpe_mm) if same else "-")
+                cells.append(mean_std(same[0].pa_mpjpe_mm) if same else "-")
             table.add_row(*cells)
         console.print(table)
     table = Table(
@@ -143,7 +145,11 @@ def print_comparison(comparison: Comparison, console: Console | None = None) -> 
         pad_edge=False,
         title=f"{comparison.frames:,} frames that all methods have, 95 % intervals in brackets",
     )
-    columns, left_out = _fitting(_common_columns(comparison), console.width)
+    columns, left_out = fitting(
+        _common_columns(comparison),
+        lambda c: (c[0], c[1], max(map(len, (c[0], *c[2])))),
+        console.width,
+    )
     for column in columns:
         table.add_column(
             column[0], justify="left" if column[0] == "method" else "right", no_wrap=True
@@ -188,38 +194,24 @@ def _common_columns(comparison: Comparison) -> list[_Cells]:
     own = [report.overall for report in comparison.methods.values()]
 
     def with_range(values: list[float], of: list[Uncertain | None]) -> list[str]:
-        return [_short(v) + _range(u) for v, u in zip(values, of, strict=True)]
+        return [short(v) + with_limits(u) for v, u in zip(values, of, strict=True)]
 
     means = [r.pa_mpjpe_mm.mean for r in rows]
     stds = [r.pa_mpjpe_mm.std for r in rows]
     jitters = [r.jitter_m_s3 for r in rows]
     auc = [f"{r.pa_auc:.3f}" if np.isfinite(r.pa_auc) else "-" for r in rows]
     return [
-        ("method", _MUST, list(comparison.common)),
-        ("lost", 6, [_percent(r.lost, r.frames) for r in own]),
-        ("PA-MPJPE", _MUST, with_range(means, [i.mean if i else None for i in sure])),
-        ("std", _MUST, with_range(stds, [i.std if i else None for i in sure])),
-        ("median", 1, [_short(r.pa_mpjpe_mm.median) for r in rows]),
-        ("p95", 3, [_short(r.pa_mpjpe_mm.p95) for r in rows]),
-        ("max", 2, [_short(r.pa_mpjpe_mm.max) for r in rows]),
-        ("MPJPE", 4, [_short(r.mpjpe_mm.mean) for r in rows]),
+        ("method", MUST, list(comparison.common)),
+        ("lost", 6, [percent(r.lost, r.frames) for r in own]),
+        ("PA-MPJPE", MUST, with_range(means, [i.mean if i else None for i in sure])),
+        ("std", MUST, with_range(stds, [i.std if i else None for i in sure])),
+        ("median", 1, [short(r.pa_mpjpe_mm.median) for r in rows]),
+        ("p95", 3, [short(r.pa_mpjpe_mm.p95) for r in rows]),
+        ("max", 2, [short(r.pa_mpjpe_mm.max) for r in rows]),
+        ("MPJPE", 4, [short(r.mpjpe_mm.mean) for r in rows]),
         ("AUC", 1, auc),
         ("jitter", 5, with_range(jitters, [i.mean if i else None for i in shaky])),
     ]
-
-
-def _fitting(columns: list[_Cells], width: int) -> tuple[list[_Cells], list[str]]:
-    """The columns that fit the width, and the headings of those left out."""
-
-    def needed() -> int:
-        return sum(max(map(len, (heading, *cells))) + _GAP for heading, _, cells in columns)
-
-    columns, left_out = list(columns), []
-    while needed() > width and min(c[1] for c in columns) < _MUST:
-        least = min(columns, key=lambda c: c[1])
-        columns.remove(least)
-        left_out.append(least[0])
-    return columns, left_out
 
 
 def _console() -> Console:
@@ -259,99 +251,9 @@ def _sure(row: Stability) -> str:
     if found is None:
         return ""
     if found.few:
-        return f"Overall PA-MPJPE {_short(found.mean.value)} without an interval: {found.few}."
+        return f"Overall PA-MPJPE {short(found.mean.value)} without an interval: {found.few}."
     return (
-        f"Overall PA-MPJPE {_short(found.mean.value)}{_range(found.mean)}, std"
-        f" {_short(found.std.value)}{_range(found.std)}: 95 % intervals, block bootstrap of"
+        f"Overall PA-MPJPE {short(found.mean.value)}{with_limits(found.mean)}, std"
+        f" {short(found.std.value)}{with_limits(found.std)}: 95 % intervals, block bootstrap of"
         f" {found.block} frames."
     )
-
-
-def _range(of: Uncertain | None) -> str:
-    if of is None or not np.isfinite(of.low):
-        return ""
-    return f" [{_short(of.low)}, {_short(of.high)}]"
-
-
-_MUST = 9
-
-
-@dataclass(frozen=True)
-class _Column:
-    heading: str
-    importance: int
-    cell: Callable[[Stability], str]
-
-    def width(self, rows: list[Stability]) -> int:
-        longest = max(len(self.heading), *(len(self.cell(r)) for r in rows))
-        return min(longest, _NAME) if self.heading == "sequence" else longest
-
-
-def _that_fit(rows: list[Stability], width: int) -> tuple[list[_Column], list[str]]:
-    """The columns for that width, and the headings of those left out."""
-    columns = [c for c in _COLUMNS if any(c.cell(r).strip("- ±") for r in rows)]
-    if len({r.against for r in rows}) == 1:
-        columns = [c for c in columns if c.heading != "against"]  # the caption says it
-
-    def needed() -> int:
-        return sum(column.width(rows) + _GAP for column in columns)
-
-    left_out: list[str] = []
-    while needed() > width:
-        least = min(columns, key=lambda c: c.importance)
-        if least.importance >= _MUST:
-            break
-        columns.remove(least)
-        left_out.append(least.heading)
-    return columns, left_out
-
-
-def _percent(count: int, frames: int) -> str:
-    if not count:
-        return "0"
-    share = 100 * count / frames
-    return f"{share:.1f} %" if share >= 0.1 else "<0.1 %"
-
-
-def _mean_std(spread: Spread | None) -> str:
-    return "" if spread is None else f"{_short(spread.mean)} ± {_short(spread.std)}"
-
-
-def _with_input(output: float, given: float) -> str:
-    return f"{_short(output)} ({_short(given)})" if np.isfinite(given) else _short(output)
-
-
-def _shaking(row: Stability, name: str, unit: str) -> str:
-    if row.shake is None:
-        return ""
-    given = float("nan") if row.input_shake is None else getattr(row.input_shake, name)
-    return f"{_with_input(getattr(row.shake, name), given)} {unit}"
-
-
-def _short(value: float) -> str:
-    if not np.isfinite(value):
-        return "-"
-    return f"{value:.2f}" if abs(value) < 100 else f"{value:,.0f}"
-
-
-_COLUMNS: tuple[_Column, ...] = (
-    _Column("sequence", _MUST, lambda r: r.name),
-    _Column("hand", 5, lambda r: r.hand),
-    _Column("frames", _MUST, lambda r: f"{r.frames:,}"),
-    _Column("predicted", 4, lambda r: _percent(r.predicted, r.frames)),
-    _Column("lost", _MUST, lambda r: _percent(r.lost, r.frames)),
-    _Column("against", _MUST, lambda r: r.against),
-    _Column("PA-MPJPE", _MUST, lambda r: _mean_std(r.pa_mpjpe_mm)),
-    _Column("median", 0, lambda r: _short(r.pa_mpjpe_mm.median)),
-    _Column("p95", 2, lambda r: _short(r.pa_mpjpe_mm.p95)),
-    _Column("max", 1, lambda r: _short(r.pa_mpjpe_mm.max)),
-    _Column("reprojection, px", _MUST, lambda r: _mean_std(r.reprojection_px)),
-    _Column("input", 6, lambda r: _mean_std(r.input_pa_mpjpe_mm)),
-    _Column("MPJPE", 7, lambda r: _short(r.mpjpe_mm.mean)),
-    _Column("jitter", 8, lambda r: _with_input(r.jitter_m_s3, r.input_jitter_m_s3)),
-    _Column("hand shakes", 2, lambda r: _shaking(r, "palm_mm", "mm")),
-    _Column("fingers shake", 2, lambda r: _shaking(r, "fingers_deg", "°")),
-    _Column(
-        "acceleration", 3, lambda r: _with_input(r.acceleration_m_s2, r.input_acceleration_m_s2)
-    ),
-)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_html_report import sequences
 
-from handtrack.evaluation.report import _COLUMNS, _that_fit
+from handtrack.evaluation.report_columns import _COLUMNS, that_fit
 from handtrack.evaluation.stability import stability_of_pair
 
 MUST = {"sequence", "frames", "lost", "PA-MPJPE"}
@@ -21,7 +21,7 @@ def rows():
 
 
 def headings(rows, width):
-    columns, left_out = _that_fit(rows, width)
+    columns, left_out = that_fit(rows, width)
     return [c.heading for c in columns], left_out
 
 

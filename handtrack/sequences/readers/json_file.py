@@ -14,7 +14,6 @@ nestings of the same:
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from collections.abc import Sequence as Items
 from dataclasses import replace
@@ -42,6 +41,7 @@ from handtrack.sequences.readers.found import CONTAINERS, MOST_HANDS, MOST_NAMES
 from handtrack.sequences.readers.json_table import table_of
 from handtrack.sequences.readers.jsontext import blanks_as_null, decode, is_blank, refuse_nothing
 from handtrack.sequences.readers.number_text import Forms
+from handtrack.sequences.readers.numbered_frames import by_number
 from handtrack.sequences.readers.pictures import flat
 from handtrack.sequences.readers.points import are_points, has_names
 from handtrack.sequences.readers.raw import NotJointsError, Raw, stem
@@ -51,7 +51,6 @@ from handtrack.sequences.readers.spelling import ABOUT, LISTS, in_small_letters
 from handtrack.sequences.readers.text_places import with_places
 from handtrack.sequences.readers.whole_clips import as_clip, is_clip
 
-_NUMBER = re.compile(r"(?i)((?:frame|f|image|img|t)?[_ ]?)(\d{1,12})")
 _LARGE = 1_000_000
 
 
@@ -281,7 +280,7 @@ def _object(value: dict[str, Any], path: Path) -> list[Raw]:
             continue
         if not are_points(frames) and (ultraleap.any_in(frames) or any(map(hands_in, frames))):
             return _frames(frames, path, value)
-    numbered = _numbered(value)
+    numbered = by_number(value)
     if numbered:
         return _frames(numbered, path, {})
     found = hands_in(value)
@@ -308,23 +307,6 @@ def _with_what_it_says(value: dict[str, Any]) -> dict[str, Any]:
         if isinstance(inner, str | int | float)
     }
     return {**said, **value}
-
-
-def _numbered(value: dict[str, Any]) -> list[Any]:
-    """Frames under their numbers ("12", "frame_0012"), each with it; none where it is not so."""
-    if len(value) > 1 and all(re.fullmatch(r"\d{1,10}\.\d{1,9}", key) for key in value):
-        return [{"time": float(t)} | v for t, v in value.items() if isinstance(v, dict)]
-    said = [_NUMBER.fullmatch(key) for key in value]
-    if len(value) < 2 or not all(said) or len({m[1].lower() for m in said if m is not None}) > 1:
-        return []
-    numbers = {int(m[2]): v for m, v in zip(said, value.values(), strict=True) if m is not None}
-    if all(v in (None, []) or (isinstance(v, list) and are_points(v)) for v in value.values()):
-        return [{"frame": n, "joints": numbers[n] or None} for n in sorted(numbers)]
-    if not all(v is None or isinstance(v, dict) for v in numbers.values()) or are_points(value):
-        return []
-    if not any(map(hands_in, numbers.values())):
-        return []
-    return [{"frame": n} | (numbers[n] or {}) for n in sorted(numbers)]
 
 
 FORMATS = (
