@@ -10,7 +10,7 @@ import numpy as np
 from handtrack.hand.skeleton import FINGERS
 from handtrack.tracking.settings import reprojection_px
 from handtrack.viewer import style
-from handtrack.viewer.eye import Eye, Seen, eye
+from handtrack.viewer.eye import GRID_M, Eye, Seen, eye
 from handtrack.viewer.key import dots, key_view, lines
 from handtrack.viewer.shown import Shown, counterpart
 from handtrack.viewer.style import Look
@@ -25,8 +25,6 @@ from handtrack.viewer.versions import (
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
-GRID_M = 0.05
-"""Between the lines of the grid below the hands [m]."""
 _ASPECT = 0.8
 """Width of the part of a usual window that shows the hands, as a share of its height."""
 
@@ -145,26 +143,26 @@ def _worlds(
     name = hands[0].run_name if apart else "hands" if several else "hand"
     shown = [f"/world/{hand.topic}/**" for hand in hands]
     hidden = [f"- /world/{hand.topic}/skin" for hand in hands]
-    along = f"/world/{hands[0].topic}/middle" if at.view.goes_along else None
-    whole = _world(shown, f"{name}, grid of {100 * GRID_M:.0f} cm", at.view, along, look)
+    # what goes along with the hand is drawn in the hand's own frame: Rerun's tracked entities
+    # are looked at from anywhere until they are there (0.41)
+    origin = f"world/{hands[0].topic}/middle" if at.view.goes_along else "world"
+    whole = _world(shown, f"{name}, grid of {100 * GRID_M:.0f} cm", at.view, origin, look)
     if not _with_skin(hands, look):
         return whole
-    bones = _world([*shown, *hidden], f"{name}: bones and joints", at.view, along, look)
+    bones = _world([*shown, *hidden], f"{name}: bones and joints", at.view, origin, look)
     return (rrb.Vertical if at.stacked else rrb.Horizontal)(whole, bones)
 
 
-def _world(
-    contents: list[str], name: str, view: Eye, along: str | None, look: Look
-) -> rrb.Spatial3DView:
+def _world(contents: list[str], name: str, view: Eye, origin: str, look: Look) -> rrb.Spatial3DView:
     import rerun.blueprint as rrb
 
     return rrb.Spatial3DView(
-        origin="world",
+        origin=origin,
         contents=contents,
         name=name,
         background=rrb.Background(color=style.ground(look.light).world),
         line_grid=_grid(view, look.light),
-        **eye_controls(view, along),
+        **eye_controls(view),
     )
 
 
@@ -173,6 +171,8 @@ def _grid(view: Eye, light: bool) -> rrb.LineGrid3D:
     import rerun as rr
     import rerun.blueprint as rrb
 
+    if view.goes_along:  # it would go along too: `log_ground` draws one that stays
+        return rrb.LineGrid3D(visible=False)
     up = view.up / np.linalg.norm(view.up)
     return rrb.LineGrid3D(
         visible=True,

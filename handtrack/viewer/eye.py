@@ -13,12 +13,15 @@ from handtrack.tracking.track import Part
 
 Array = NDArray[np.float64]
 
+GRID_M = 0.05
+"""Between the lines of the grid below the hands [m]."""
 _MOST = 2000  # frames looked at of each hand
 _SLOPE = float(np.tan(np.deg2rad(55 / 2)))  # of the edge above in Rerun's 3D views
 _FILLED = 0.86  # of the picture, from the middle to an edge
 _SKIN_M = 0.012  # around the joints
 _FARTHER = 1.15  # so much nearer must the hand be when the eye goes with it
 _LEAST_M = 0.06  # half of what is seen, at least
+_REACH_M = (1.0, 5.0)  # how far the ground goes about what an eye goes along with
 
 
 class Seen(NamedTuple):
@@ -45,6 +48,7 @@ class Eye(NamedTuple):
         extent: half of the width and of the height of what is to be seen, about the target [m].
         floor: where all of the motion is above, along `up` from the origin [m].
         goes_along: the eye keeps its place beside the hand, of which `target` is the middle.
+        reach: how far from the target the hand comes [m].
     """
 
     position: Array
@@ -53,6 +57,7 @@ class Eye(NamedTuple):
     extent: tuple[float, float] = (0.1, 0.1)
     floor: float = -0.1
     goes_along: bool = False
+    reach: float = _REACH_M[0]
 
     @property
     def distance(self) -> float:
@@ -126,7 +131,9 @@ def eye(
         return found
     known = places[np.isfinite(places).all(1)]
     target = np.median(known, axis=0) if len(known) else np.zeros(3)
-    return Eye(target + distance * towards, target, up, extent, floor, goes_along=True)
+    farthest = np.linalg.norm(known - target, axis=1).max() if len(known) else 0.0
+    reach = float(np.clip(farthest + _REACH_M[0] / 2, *_REACH_M))
+    return Eye(target + distance * towards, target, up, extent, floor, True, reach)
 
 
 def _points(joints: Array) -> Array:

@@ -11,7 +11,7 @@ from handtrack.hand.skeleton import ANGLE_JOINT, BONES, JOINT_NAMES
 from handtrack.hand.skinning import VertexNormals
 from handtrack.tracking.track import Part
 from handtrack.viewer import style
-from handtrack.viewer.eye import Eye, middles
+from handtrack.viewer.eye import GRID_M, Eye, middles
 from handtrack.viewer.hand_plots import HELD, HandPlots, limit_marks, rings
 from handtrack.viewer.sending import ROWS, Sender, batches
 from handtrack.viewer.shown import Shown
@@ -63,6 +63,24 @@ def log_scale(recording: rr.RecordingStream, entity: str, view: Eye, light: bool
         show_labels=True,
     )
     recording.log(f"{entity}/names", names, static=True)
+
+
+def log_ground(recording: rr.RecordingStream, entity: str, view: Eye, light: bool) -> None:
+    """Lines `GRID_M` apart below the hand, as far as it comes: what stays while the eye goes."""
+    import rerun as rr
+
+    up = view.up / np.linalg.norm(view.up)
+    deep = np.cross(view.right, up)
+    middle = view.target + (view.floor - view.target @ up) * up
+    steps = GRID_M * np.arange(-round(view.reach / GRID_M), round(view.reach / GRID_M) + 1)
+    ends = np.array([-1, 1])[:, None] * view.reach
+    lines = [
+        middle + step * across + ends * other
+        for across, other in ((view.right, deep), (deep, view.right))
+        for step in steps
+    ]
+    colour = style.ground(light).grid
+    recording.log(entity, rr.LineStrips3D(lines, radii=-0.3, colors=colour), static=True)
 
 
 Array = NDArray[np.float64]
@@ -133,9 +151,8 @@ class HandLog:
             static(f"{world}/skin", mesh)
         if self._view is not None:
             along = self._view.goes_along
-            if along:  # an eye goes along only with what is there to be seen
-                colour = (*style.ground(self._look.light).world, 0)
-                static(f"{world}/middle", rr.Points3D([[0, 0, 0]], radii=1e-5, colors=colour))
+            if along:
+                log_ground(self.sender.recording, f"{world}/ground", self._view, self._look.light)
             entity = f"{world}/middle/scale" if along else f"{world}/scale"
             log_scale(self.sender.recording, entity, self._view, self._look.light)
         self._plots.begin()

@@ -8,6 +8,8 @@ import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from handtrack.viewer.eye import Eye
 
 if TYPE_CHECKING:
@@ -34,19 +36,19 @@ def writes_footers() -> bool:
     return tuple(map(int, rr.__version__.split(".")[:2])) >= (0, 28)
 
 
-def eye_controls(view: Eye, along: str | None) -> dict[str, Any]:
-    """Where a 3D view looks from, and the entity that it goes along with (from 0.28)."""
+def eye_controls(view: Eye) -> dict[str, Any]:
+    """Where a 3D view looks from (from 0.28); beside the hand where it goes along with it."""
     import rerun.blueprint as rrb
 
     controls = getattr(rrb, "EyeControls3D", None)
     if controls is None or "position" not in inspect.signature(controls).parameters:
         return {}
+    origin = view.target if view.goes_along else np.zeros(3)
     looking = controls(
         kind=rrb.Eye3DKind.Orbital,
-        position=view.position.tolist(),
-        look_target=view.target.tolist(),
+        position=(view.position - origin).tolist(),
+        look_target=(view.target - origin).tolist(),
         eye_up=view.up.tolist(),
-        **accepted(controls, tracking_entity=along),
     )
     return {"eye_controls": looking}
 

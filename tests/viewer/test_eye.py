@@ -76,8 +76,16 @@ def test_the_eye_goes_along_with_what_the_recording_holds(tmp_path) -> None:  # 
     assert len(rows["frame"]) == 26  # it waits where the hand will be, from the first frame on
     np.testing.assert_allclose(places[1:], middles(track.filtered_joints)[5:], atol=1e-6)
     (view,) = views(blueprint(shown([Run("", [track])]), Look(mesh=False)))
-    tracked = view.properties["EyeControls3D"].tracking_entity.as_arrow_array().to_pylist()
-    assert tracked == ["/world/right/middle"]
+    assert str(view.origin).strip("/") == "world/right/middle"
+    looked_at = view.properties["EyeControls3D"].look_target.as_arrow_array().to_pylist()
+    assert looked_at == [[0, 0, 0]]
+    # the ground stays, flat, below the hand wherever it goes
+    strips = rrd_columns(path)["/world/right/ground"]["LineStrips3D:strips"]
+    ground = np.array([list(map(list, strip)) for strip in strips[0]])
+    seen = eye([Seen.of(track)], aspect=0.8)
+    np.testing.assert_allclose(ground @ seen.up, seen.floor, atol=1e-5)
+    assert (track.filtered_joints[5:] @ seen.up > seen.floor).mean() > 0.99
+    assert np.ptp(ground @ seen.right) > 2 * (2 * np.sqrt(3) / 2)
     still = placed(shown([Run("", [track])]), Look(mesh=False, still=True))
     assert not still.view.goes_along
 
