@@ -20,14 +20,14 @@ _PARTS = (
     (("drift",), "the filter of noise that lasts", 15),
     (
         (
-            *("kalman", "filter", "motion_noise", "colour", "evidence"),
-            *("measurement", "covariance.information"),
+            *("kalman", "filter", "motion_noise", "joint_noise", "motion_evidence"),
+            *("measurement", "pose_information.information"),
         ),
         "the filter",
         15,
     ),
     (("li2021",), "the paper's updates", 10),
-    (("image_fit", "pixels", "lens"), "the fit to pictures", 10),
+    (("image_fit", "pixel_objective"), "the fit to pictures", 10),
     (("collisions",), "the collisions", 5),
 )
 _FITTER = ("the fitter", 15)

@@ -14,7 +14,7 @@ from handtrack.fitting.settings import LOSSES, FitSettings
 from handtrack.hand.capsules import contacts
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
-from handtrack.kernels import bends, covariance, workspace
+from handtrack.kernels import bends, pose_information, workspace
 from handtrack.kernels import frame_loop as frames
 from handtrack.kernels.compiled import addresses
 from handtrack.kernels.losses import NO_LOSS
@@ -63,12 +63,12 @@ class Program:
         else:
             from handtrack.kernels.descent import bcd_exact as bcd
         if (update, method) == ("exact", "newton"):
-            parts = newton, bcd, bends.other_bends, covariance.unit_covariance
+            parts = newton, bcd, bends.other_bends, pose_information.unit_covariance
             beside = load_loop if meanwhile else None
             found = addresses(*parts, meanwhile=meanwhile or load_loop, beside=beside)
             step, sweep, other, known = found
         else:
-            sweep, known = addresses(bcd, covariance.unit_covariance)
+            sweep, known = addresses(bcd, pose_information.unit_covariance)
             step = other = 0
         self.collisions, apart = chosen.collisions, 0
         if chosen.collisions:

@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 def about_axis(axis: ArrayLike, angle: ArrayLike) -> Array:
     """Rotation matrices (..., 3, 3) about unit axes (..., 3) by angles (...) [rad] (Rodrigues)."""
-    from handtrack.kernels.turns import turns_about
+    from handtrack.kernels.kinematics import turns_about
 
     return turns_about(np.asarray(axis, dtype=np.float64), np.asarray(angle, dtype=np.float64))
 

@@ -10,8 +10,8 @@ import math
 
 from handtrack.kernels.compiled import Solver, inline
 from handtrack.kernels.descent import update_finger_exact
+from handtrack.kernels.joint_objective import place
 from handtrack.kernels.limits import clip
-from handtrack.kernels.objectives import place
 from handtrack.kernels.vectors import dot, lane
 from handtrack.kernels.workspace import ANGLES, FINGERS, HINGE_1, HINGE_2, LANES, TIP
 
@@ -20,7 +20,7 @@ WORTH = 0.1
 
 
 @inline
-def exchange(w, f):
+def swap_trial(w, f):
     """Exchange a finger's angles with its trial."""
     for a in range(ANGLES):
         w.angle[a, f], w.trial[a, f] = w.trial[a, f], w.angle[a, f]
@@ -57,12 +57,12 @@ def other_bends(w):
         rise = w.cost[f] - w.rise[f]
         shown = w.pull[TIP - 1, f] > 0.0 and w.pull[TIP, f] > 0.0
         w.rise[f] = rise if rise <= WORTH * total and shown else math.inf
-        exchange(w, f)
+        swap_trial(w, f)
     for f in range(FINGERS):
         if w.rise[f] == math.inf:
             continue
-        exchange(w, f)
+        swap_trial(w, f)
         place(w)
         update_finger_exact(w, f)
         w.rise[f] = place(w) - total
-        exchange(w, f)
+        swap_trial(w, f)

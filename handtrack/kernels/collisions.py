@@ -14,13 +14,13 @@ import numpy as np
 
 from handtrack.kernels.arrowhead import root_hessian
 from handtrack.kernels.compiled import Solver, inline
-from handtrack.kernels.covariance import assemble
 from handtrack.kernels.derivatives import differentiate
 from handtrack.kernels.faces import guess_faces, hold_faces, leave_faces, put_gradient
+from handtrack.kernels.joint_objective import place
 from handtrack.kernels.limits import clip
 from handtrack.kernels.linear_algebra import factor, solve_one
-from handtrack.kernels.objectives import place
-from handtrack.kernels.steps import keep_pose, take_step
+from handtrack.kernels.pose_information import assemble
+from handtrack.kernels.pose_steps import keep_pose, take_step
 from handtrack.kernels.vectors import add, cross, dot, lane, scale, sub
 from handtrack.kernels.workspace import BASE, N_ANGLES, N_POSE, ROOT, WRIST
 
@@ -122,7 +122,7 @@ def add_square(row, weight, value, g, h):
 
 
 @inline
-def find_step(w, g, h, x, u):
+def step_apart(w, g, h, x, u):
     """The step of joints and contacts together at the placed pose; what it promises."""
     differentiate(w, 0.0)
     root_hessian(w)
@@ -160,7 +160,7 @@ def move_apart(w):
     if bumps == 0.0:
         return
     for _ in range(_STEPS):
-        promise = find_step(w, g, h, x, u)
+        promise = step_apart(w, g, h, x, u)
         if not promise > _ENOUGH * (joints + bumps):
             break
         keep_pose(w)

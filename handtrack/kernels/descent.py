@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 
 from handtrack.kernels.compiled import Solver, inline
+from handtrack.kernels.joint_objective import NOTHING, place
 from handtrack.kernels.limits import inside_ellipse, saddle_limits, semi_axes
 from handtrack.kernels.losses import NO_LOSS
-from handtrack.kernels.objectives import NOTHING, place
+from handtrack.kernels.pose_steps import clear_step, keep_pose, take_step
 from handtrack.kernels.procrustes import procrustes
-from handtrack.kernels.steps import clear_step, keep_pose, take_step
 from handtrack.kernels.vectors import (
     ZERO,
     ZERO3,

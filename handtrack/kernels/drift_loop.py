@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from handtrack.kernels.colour import corrected_parts, follow_share, parts_of
 from handtrack.kernels.compiled import inline, kernel
 from handtrack.kernels.drift import (
     age_drift,
@@ -29,6 +28,7 @@ from handtrack.kernels.filter_state import (
     move_pose,
 )
 from handtrack.kernels.frame_loop import count_seen
+from handtrack.kernels.joint_noise import corrected_parts, follow_share, parts_of
 from handtrack.kernels.motion_noise import (
     DENSITY,
     FACTOR,
@@ -38,7 +38,7 @@ from handtrack.kernels.motion_noise import (
     draw_lesson,
     misfit,
 )
-from handtrack.kernels.variances import (
+from handtrack.kernels.smoothed_variances import (
     keep_undrifted_gain,
     keep_undrifted_spread,
     store_undrifted_spread,

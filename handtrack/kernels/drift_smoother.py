@@ -16,7 +16,7 @@ from handtrack.kernels.filter_state import (
     move_pose,
 )
 from handtrack.kernels.linear_algebra import apply_matrix
-from handtrack.kernels.variances import (
+from handtrack.kernels.smoothed_variances import (
     clear_spread,
     spread_over_measurement,
     spread_over_transition,

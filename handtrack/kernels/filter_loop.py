@@ -21,7 +21,7 @@ from handtrack.kernels.frame_loop import count_seen, store_pose_row
 from handtrack.kernels.kalman import begin, pass_time, predict, update
 from handtrack.kernels.measurement import load_inside, measure_frame
 from handtrack.kernels.motion_noise import DENSITY, FIRST, begin_bank, learn, predict_bank
-from handtrack.kernels.variances import keep_gain, keep_spread, store_spread
+from handtrack.kernels.smoothed_variances import keep_gain, keep_spread, store_spread
 from handtrack.kernels.workspace import N_POSE, WORK
 
 

@@ -3,7 +3,7 @@
 The state holds a pose, 26 numbers with a small turn of the world away from a reference that is
 moved along, so that there is no wrap-around; their velocities; and the covariance of both as
 three blocks of 26 x 26. Where the joints' noise lasts, what it does to the pose is in the state
-too: the drift (see `coloured`).
+too: the drift (see `drift`).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from handtrack.kernels.workspace import N_ANGLES, N_POSE
 
 # filters of the bank that learns the motion's noise (see `motion_noise`)
 BANK = 7
-# what a state with drift holds beside its pose: velocities, then the drift (see `coloured`)
+# what a state with drift holds beside its pose: velocities, then the drift (see `drift`)
 REST = 2 * N_POSE
 # what happened to a frame
 NOTHING, PREDICTED, UPDATED, BEGUN = range(4)
@@ -118,7 +118,7 @@ _DRIFTING: _Fields = [
     ("moving", "f8", ()),
     ("colour", "f8", ()),
     ("lasts", "f8", ()),
-    # what the share is learnt from (see `colour`): what a joint's residual is on the whole and
+    # what the share is learnt from (see `joint_noise`): what a joint's residual is on the whole and
     # of how many frames, what it was in the last frame, if any; sums of their products
     ("usual", "f8", (21, 3)),
     ("usual_count", "f8", (21,)),
@@ -154,7 +154,7 @@ _SEEN: _Fields = [
     ("information", "f8", _PAIR),
     ("pull", "f8", _ROW),
     # of each angle: predicted variance, covariance with its velocity, and what the measurement
-    # takes (see `variances`)
+    # takes (see `smoothed_variances`)
     ("prior", "f8", (N_ANGLES,)),
     ("cross", "f8", (N_ANGLES,)),
     ("gain", "f8", (N_ANGLES,)),

@@ -22,8 +22,8 @@ from handtrack.kernels.faces import (
 )
 from handtrack.kernels.limits import inverse_squares
 from handtrack.kernels.linear_algebra import factor, is_lifted, solve_one
-from handtrack.kernels.pixels import differentiate_pixels, weigh_pixels
-from handtrack.kernels.steps import keep_pose, take_step
+from handtrack.kernels.pixel_objective import differentiate_pixels, weigh_pixels
+from handtrack.kernels.pose_steps import keep_pose, take_step
 from handtrack.kernels.workspace import (
     ABDUCTION,
     ANGLES,

@@ -14,6 +14,7 @@ from handtrack.kernels.filter_state import (
     set_pose,
 )
 from handtrack.kernels.frame_loop import count_seen
+from handtrack.kernels.joint_noise import follow_noise
 from handtrack.kernels.linear_algebra import (
     apply_matrix,
     divide,
@@ -29,8 +30,6 @@ from handtrack.kernels.motion_noise import (
 )
 from handtrack.kernels.workspace import N_POSE
 
-LEAST_NOISE = 1e-10
-"""Variance of the joints below which no residual is believed [m^2]."""
 VAGUE = 1.0
 """Information of a first pose that no joint gives [1/rad^2, 1/m^2]."""
 
@@ -192,20 +191,6 @@ def start_pose(w, solver, s, targets, weights, raw):
     factor(s.system, s.factor)
     invert(s.factor, s.work, s.pose_pose)
     s.known = 1
-
-
-@inline
-def follow_noise(s, raw_noise, fixed, gain):
-    """The joints' noise: as given, or a running mean of what the raw fits show."""
-    if fixed > 0.0:
-        s.noise = fixed
-    elif math.isfinite(raw_noise):
-        # a stray frame counts at most fourfold
-        value = max(raw_noise, LEAST_NOISE)
-        if s.noise_count > 0.0:
-            value = min(value, 4.0 * s.noise)
-        s.noise_count += 1.0
-        s.noise += (value - s.noise) * max(1.0 / s.noise_count, gain)
 
 
 @inline

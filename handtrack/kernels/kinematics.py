@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from handtrack.kernels.compiled import inline, kernel
 from handtrack.kernels.exchange import load_skeleton, store_joints
-from handtrack.kernels.vectors import add, cos_sin, lane, put_column, put_lane, reduced, rotate
+from handtrack.kernels.vectors import add, cos_sin, lane, put_column, put_lane, reduced, rotate, row
 from handtrack.kernels.workspace import (
     ABDUCTION,
     ANGLES,
@@ -187,3 +188,22 @@ def place_poses(rest: Array, axes: Array, twist: float, angles: Array) -> Placed
         parts.reshape(*lead, *parts.shape[1:]),
         turning.reshape(*lead, *turning.shape[1:]),
     )
+
+
+@kernel
+def turn_all(axes, angles, out):
+    """`turns_about` of rotations in one row."""
+    for n in range(len(angles)):
+        axis, c, s = row(axes, n), math.cos(angles[n]), math.sin(angles[n])
+        for k in range(3):
+            put_column(out[n], k, rotate(axis, c, s, _UNITS[k]))
+
+
+def turns_about(axis: Array, angle: Array) -> Array:
+    """Rotation matrices (..., 3, 3) about unit axes (..., 3) by angles (...) [rad]."""
+    lead = np.broadcast_shapes(axis.shape[:-1], angle.shape)
+    out = np.empty((math.prod(lead), 3, 3))
+    # copies: one type of arrays, so that one machine code does
+    axes = np.array(np.broadcast_to(axis, (*lead, 3)), order="C").reshape(-1, 3)
+    turn_all(axes, np.array(np.broadcast_to(angle, lead), order="C").reshape(-1), out)
+    return out.reshape(*lead, 3, 3)

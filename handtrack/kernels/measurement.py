@@ -15,7 +15,7 @@ from handtrack.kernels.filter_state import pose_less
 from handtrack.kernels.frame_loop import count_seen
 from handtrack.kernels.limits import move_inside
 from handtrack.kernels.linear_algebra import apply_matrix, factor, invert, solve_one
-from handtrack.kernels.steps import keep_pose, take_step
+from handtrack.kernels.pose_steps import keep_pose, take_step
 from handtrack.kernels.vectors import (
     add,
     apply_transposed,
@@ -98,7 +98,7 @@ def begin_pose(w, solver, s, raw, precision):
 
 
 @inline
-def find_step(w, s, precision):
+def step_with_prior(w, s, precision):
     """The step of prior and joints together from the pose in the workspace; what it promises.
 
     Where no limit holds it, `ready` is 1, `factor` that of the whole system.
@@ -136,7 +136,7 @@ def best_pose(w, solver, s, raw, precision):
     """
     cost = begin_pose(w, solver, s, raw, precision)
     for _ in range(_STEPS):
-        promise = find_step(w, s, precision)
+        promise = step_with_prior(w, s, precision)
         if not promise > _PROMISE:
             break
         keep_pose(w)

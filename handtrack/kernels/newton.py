@@ -2,7 +2,7 @@
 
 The Hessian is arrowhead-shaped: six unknowns of the root and five independent fingers of
 four. Every finger's small bounded problem is solved exactly for a given step of the root
-(`fingers.py`); how its solution answers the root makes up the Schur complement from which the
+(`finger_model`); how its solution answers the root makes up the Schur complement from which the
 root's step comes. A step is taken only if it lowers the objective.
 """
 
@@ -23,9 +23,9 @@ from handtrack.kernels.arrowhead import (
 from handtrack.kernels.compiled import Solver, inline
 from handtrack.kernels.derivatives import differentiate
 from handtrack.kernels.faces import guess_faces, keeps_limits
-from handtrack.kernels.fingers import solve_finger
-from handtrack.kernels.objectives import NOTHING, place
-from handtrack.kernels.steps import clear_step, keep_pose, take_step
+from handtrack.kernels.finger_model import solve_finger
+from handtrack.kernels.joint_objective import NOTHING, place
+from handtrack.kernels.pose_steps import clear_step, keep_pose, take_step
 from handtrack.kernels.workspace import (
     ANGLES,
     CONVERGED,

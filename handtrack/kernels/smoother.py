@@ -13,7 +13,7 @@ from handtrack.kernels.compiled import inline, kernel
 from handtrack.kernels.filter_loop import load_hand, store_row
 from handtrack.kernels.filter_state import BEGUN, KEPT, NOTHING, FilterNumbers, copy_pose, move_pose
 from handtrack.kernels.linear_algebra import apply_matrix
-from handtrack.kernels.variances import (
+from handtrack.kernels.smoothed_variances import (
     clear_spread,
     spread_over_measurement,
     spread_over_transition,

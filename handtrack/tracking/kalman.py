@@ -12,7 +12,6 @@ from handtrack.fitting import solver
 from handtrack.fitting.settings import LOSSES
 from handtrack.hand.model import HandModel
 from handtrack.kernels import drift_loop, drift_smoother, filter_loop, smoother
-from handtrack.kernels.covariance import information
 from handtrack.kernels.filter_state import (
     DRIFTING,
     FILTER,
@@ -22,6 +21,7 @@ from handtrack.kernels.filter_state import (
     NOTHING,
     FilterNumbers,
 )
+from handtrack.kernels.pose_information import information
 from handtrack.kernels.workspace import RESULT, Records, unfitted
 from handtrack.tracking import process_noise
 from handtrack.tracking.filter_input import Frames

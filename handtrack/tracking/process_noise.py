@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from handtrack.files.long_arrays import ROWS
 from handtrack.hand.skeleton import N_ANGLES, N_JOINTS
-from handtrack.kernels import colour
+from handtrack.kernels import joint_noise
 from handtrack.tracking.filter_input import LongFrames
 
 Array = NDArray[np.float64]
@@ -66,7 +66,7 @@ class Climber:
     """Maximum likelihood of the densities, by rounds of expectation and maximisation.
 
     Each round wants, for the densities in `density`, the likelihood of the sequence and the
-    evidence of `motion_evidence`. At the maximum both sums of the evidence are equal; their
+    evidence of `add_evidence`. At the maximum both sums of the evidence are equal; their
     ratio is the step (a faster fixed point than EM's), shortened when the likelihood falls.
     """
 
@@ -114,7 +114,7 @@ def lasting_share(frames: LongFrames, lasts_s: float) -> tuple[float, float]:
     """What share of the joints' noise lasts for `lasts_s` [s], 0 where it is white or not known;
     and what part of the residuals is not their mean.
 
-    As `kernels.colour` follows it in a stream.
+    As `kernels.joint_noise` follows it in a stream.
     """
     total, seen_of, whole = np.zeros((N_JOINTS, 3)), np.zeros(N_JOINTS, np.int64), 0.0
     for left, seen in _residuals(frames):
@@ -136,10 +136,10 @@ def lasting_share(frames: LongFrames, lasts_s: float) -> tuple[float, float]:
         products += float((before * after).sum())
         n_pairs += int(pairs.sum())
     noise = np.nanmedian(frames.column("noise")) if seen_of.any() else 0.0
-    if n_pairs <= colour.LEAST_PAIRS or both == 0.0 or not noise > colour.FINE:
+    if n_pairs <= joint_noise.LEAST_PAIRS or both == 0.0 or not noise > joint_noise.FINE:
         return 0.0, 1.0
     dt = 1e-9 * float(np.median(np.diff(frames.times_ns)))
-    share = float(colour.share_of.py_func(products / both, dt, lasts_s))
+    share = float(joint_noise.share_of.py_func(products / both, dt, lasts_s))
     return share, moved / whole
 
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.kernels import evidence as motion
+from handtrack.kernels import motion_evidence as motion
 from handtrack.kernels.filter_state import NOTE, NOTHING
-from handtrack.kernels.kalman import LEAST_NOISE
+from handtrack.kernels.joint_noise import LEAST_NOISE
 from handtrack.kernels.workspace import UNFITTED, unfitted
 from handtrack.tracking import process_noise
 from handtrack.tracking.filter_input import Frames, LongFrames
@@ -160,7 +160,7 @@ class Smoother:
                 self._kalman.reset()
                 part = inputs.part(slice(int(begin), int(begin) + _STRETCH))
                 notes = self._kalman.run(part, kept)[1]
-                motion.motion_evidence(notes, kept[: len(notes)], work, evidence)
+                motion.add_evidence(notes, kept[: len(notes)], work, evidence)
                 likelihood += float(notes["likelihood"].sum())
             if not climber.step(likelihood, evidence):
                 return climber.best

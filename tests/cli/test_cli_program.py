@@ -123,11 +123,11 @@ def test_compiling_is_said_once_and_only_when_it_happens(capsys):
     ("kernel", "part"),
     [
         ("newton.newton", "the fitter"),
-        ("covariance.unit_covariance", "the fitter"),
+        ("pose_information.unit_covariance", "the fitter"),
         # only filters ask for it: "the fitter" would be said a second time
-        ("covariance.information", "the filter"),
+        ("pose_information.information", "the filter"),
         ("filter_loop.filter_frames", "the filter"),
-        ("evidence.motion_evidence", "the filter"),
+        ("motion_evidence.add_evidence", "the filter"),
         ("drift_loop.filter_drifting_frames", "the filter of noise that lasts"),
         ("smoother.smooth_frames", "the smoother"),
         ("drift_smoother.smooth_drifting_frames", "the smoother"),

@@ -6,7 +6,7 @@ import numpy as np
 from plain import plain
 
 from handtrack.kernels import arrowhead, derivatives
-from handtrack.kernels.objectives import place
+from handtrack.kernels.joint_objective import place
 from handtrack.kernels.workspace import GRADIENT, ROOT
 
 N, FINGERS = 26, 5

@@ -10,7 +10,7 @@ from numba import njit
 from scipy.optimize import brentq
 
 from handtrack.hand.model import HandModel
-from handtrack.kernels import arrowhead, descent, exchange, fingers, li2021, objectives
+from handtrack.kernels import arrowhead, descent, exchange, finger_model, joint_objective, li2021
 from handtrack.kernels import derivatives as kernel_derivatives
 from handtrack.kernels import procrustes as kabsch
 from handtrack.kernels.workspace import ANGLES, FINGERS, GRADIENT, ROOT, WORK
@@ -30,12 +30,12 @@ def load(works, model, targets, weights, angles, root):
 
 @njit
 def place(works):
-    return objectives.place(works[0])
+    return joint_objective.place(works[0])
 
 
 @njit
 def derive(works, second):
-    value = objectives.place(works[0])
+    value = joint_objective.place(works[0])
     kernel_derivatives.differentiate(works[0], second)
     arrowhead.root_hessian(works[0])
     return value
@@ -43,7 +43,7 @@ def derive(works, second):
 
 @njit
 def solve_finger(works, f):
-    fingers.solve_finger(works[0], f)
+    finger_model.solve_finger(works[0], f)
 
 
 @njit
@@ -82,19 +82,19 @@ _paper_pass = descent.finger_pass(li2021.saddle_li2021, li2021.hinge_li2021)
 
 @njit
 def update_root(works):
-    objectives.place(works[0])
+    joint_objective.place(works[0])
     descent.update_root(works[0])
 
 
 @njit
 def update_finger(works, f):
-    objectives.place(works[0])
+    joint_objective.place(works[0])
     _exact_pass(works[0], f)
 
 
 @njit
 def update_finger_li2021(works, f):
-    objectives.place(works[0])
+    joint_objective.place(works[0])
     _paper_pass(works[0], f)
 
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from handtrack.hand.capsules import contacts
 from handtrack.hand.model import HandModel
 from handtrack.kernels import collisions
-from handtrack.kernels.objectives import place
+from handtrack.kernels.joint_objective import place
 
 N = 26
 
@@ -40,7 +40,7 @@ def test_a_step_minimises_joints_and_contacts_on_the_faces(hand, seed):
     w = fist(hand, seed)
     plain(place)(w)
     g, x, h, u = np.zeros(N), np.zeros(N), np.zeros((N, N)), np.zeros((N, N))
-    promise = plain(collisions.find_step)(w, g, h, x, u)
+    promise = plain(collisions.step_apart)(w, g, h, x, u)
     step, root_step = by_finger(w.step), w.root_step.copy()
     columns, bend = directions(w)
     assert columns.shape[1] < N
@@ -72,5 +72,5 @@ def test_what_ends_is_no_worse_and_told(hand, seed):
     assert model.limits.contains(by_finger(w.angle), 1e-9).all()
     # where a further step promises nothing
     g, x, h, u = np.zeros(N), np.zeros(N), np.zeros((N, N)), np.zeros((N, N))
-    promise = plain(collisions.find_step)(w, g, h, x, u)
+    promise = plain(collisions.step_apart)(w, g, h, x, u)
     assert promise < 1e-2 * sum(after)

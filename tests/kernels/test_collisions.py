@@ -13,14 +13,14 @@ import handtrack as ht
 from handtrack.hand.capsules import contact_depths, contacts
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import HANDS
-from handtrack.kernels import collisions, objectives
+from handtrack.kernels import collisions, joint_objective
 
 FIST = np.deg2rad([20.0, 10, 40, 40] + [75.0, 0, 85, 55] * 4)
 
 
 @njit
 def weigh(works, g, h):
-    objectives.place(works[0])
+    joint_objective.place(works[0])
     return collisions.weigh_contacts(works[0], g, h, True)
 
 

@@ -14,8 +14,8 @@ from plain import plain, positive, record, workspace
 from scipy.spatial.transform import Rotation
 
 from handtrack.hand.model import HandModel
-from handtrack.kernels import arrowhead, covariance, faces, newton
-from handtrack.kernels.objectives import place
+from handtrack.kernels import arrowhead, faces, newton, pose_information
+from handtrack.kernels.joint_objective import place
 from handtrack.kernels.workspace import GRADIENT, NORMAL, ROOT, WORK
 
 N, FINGERS = 26, 5
@@ -191,7 +191,7 @@ def test_the_covariance_is_the_dense_inverse(unseen):
     w = posed("right", 7, unseen)
     _, h = dense(w, 0.0)
     w.full = 1
-    plain(covariance.unit_covariance)(w)
+    plain(pose_information.unit_covariance)(w)
     dead = np.diagonal(h) < 1e-15
     assert dead.sum() == (4 if len(unseen) == 4 else 0)
     live = np.flatnonzero(~dead)
@@ -224,7 +224,7 @@ def test_what_a_limit_holds_has_no_variance():
         w.angle[a, f] = w.upper[a, f]
         w.weight[3, f] = 1.0
         w.full = 1
-        plain(covariance.unit_covariance)(w)
+        plain(pose_information.unit_covariance)(w)
         assert np.sign(w.row[a, GRADIENT, f]) == pull
         held_now = (np.array(w.covariance)[4 * f + a] == 0).all()
         assert held_now == (pull < 0)

@@ -10,7 +10,7 @@ from plain import plain, positive, record
 from poses_in_time import moved, pose_of, step
 from scipy.spatial.transform import Rotation
 
-from handtrack.kernels import colour, drift, drift_loop, drift_smoother, motion_noise
+from handtrack.kernels import drift, drift_loop, drift_smoother, joint_noise, motion_noise
 from handtrack.kernels.filter_state import BANK, DRIFTING, KEPT_DRIFTING
 from handtrack.kernels.workspace import RESULT
 
@@ -223,18 +223,18 @@ def test_the_share_of_noise_is_learnt_from_residuals_in_the_hands_frame():
         raw = record(RESULT)
         raw.root[:9], raw.joints, raw.noise = turn.ravel(), joints, math.nan if t == 20 else 1.0
         left = slow + 0.02
-        plain(colour.follow_share)(s, dt, joints + left @ turn.T, weights, raw)
+        plain(joint_noise.follow_share)(s, dt, joints + left @ turn.T, weights, raw)
         if t == 20:
             last = [None] * 21
             continue
-        fade = math.exp(-dt / colour.PRODUCTS_S)
+        fade = math.exp(-dt / joint_noise.PRODUCTS_S)
         pairs, products, squares, total = (v * fade for v in (pairs, products, squares, total))
         for k in range(21):
             if weights[k] == 0:
                 last[k] = None
                 continue
             count[k] += 1
-            gain = max(1 / count[k], 1 - math.exp(-dt / colour.MEAN_S))
+            gain = max(1 / count[k], 1 - math.exp(-dt / joint_noise.MEAN_S))
             usual[k] += gain * (left[k] - usual[k])
             now, before = left[k] - usual[k], last[k]
             if before is not None:
@@ -246,14 +246,14 @@ def test_the_share_of_noise_is_learnt_from_residuals_in_the_hands_frame():
     np.testing.assert_allclose(s.usual, usual, atol=1e-12)
     found = s.pairs, s.products, s.squares, s.whole
     np.testing.assert_allclose(found, (pairs, products, squares, total), rtol=1e-9)
-    assert pairs > colour.LEAST_PAIRS
-    least = math.exp(-dt / s.lasts) - colour.CHANCE
-    assert s.share == pytest.approx((products / squares - colour.CHANCE) / least)
+    assert pairs > joint_noise.LEAST_PAIRS
+    least = math.exp(-dt / s.lasts) - joint_noise.CHANCE
+    assert s.share == pytest.approx((products / squares - joint_noise.CHANCE) / least)
     assert 0.1 < s.share < 1.0
     assert s.moving == pytest.approx(squares / total)
     # a hand without noise says nothing
-    s.noise = 0.9 * colour.FINE
-    plain(colour.follow_share)(s, dt, joints + left @ turn.T, np.ones(21), raw)
+    s.noise = 0.9 * joint_noise.FINE
+    plain(joint_noise.follow_share)(s, dt, joints + left @ turn.T, np.ones(21), raw)
     assert (s.share, s.moving) == (0.0, 1.0)
 
 
@@ -262,11 +262,11 @@ def test_the_share_of_noise_is_learnt_from_residuals_in_the_hands_frame():
     [(-0.5, 0.0), (0.1, 0.0), (0.3, 0.2 / (math.exp(-0.5) - 0.1)), (0.9, 1.0), (math.nan, 0.0)],
 )
 def test_a_share_is_the_correlation_over_what_lasting_noise_would_have(correlation, share):
-    assert plain(colour.share_of)(correlation, 0.1, 0.2) == pytest.approx(share)
+    assert plain(joint_noise.share_of)(correlation, 0.1, 0.2) == pytest.approx(share)
 
 
 def test_noise_that_could_not_last_to_the_next_frame_counts_as_chance():
-    assert plain(colour.share_of)(0.15, 10.0, 0.2) == pytest.approx(0.05 / 0.1)
+    assert plain(joint_noise.share_of)(0.15, 10.0, 0.2) == pytest.approx(0.05 / 0.1)
 
 
 @pytest.mark.parametrize(
@@ -280,4 +280,4 @@ def test_noise_that_could_not_last_to_the_next_frame_counts_as_chance():
 )
 def test_parts_of_noise(share, moving, white, lasts):
     """A constant part of residuals, down to a twentieth, is taken off what lasts."""
-    assert plain(colour.parts_of)(share, moving) == pytest.approx((white, lasts))
+    assert plain(joint_noise.parts_of)(share, moving) == pytest.approx((white, lasts))

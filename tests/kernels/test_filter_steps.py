@@ -10,7 +10,14 @@ from plain import plain, positive, record
 from poses_in_time import moved, pose_of, step
 from scipy.spatial.transform import Rotation
 
-from handtrack.kernels import evidence, kalman, measurement, motion_noise, smoother
+from handtrack.kernels import (
+    joint_noise,
+    kalman,
+    measurement,
+    motion_evidence,
+    motion_noise,
+    smoother,
+)
 from handtrack.kernels.filter_state import (
     BANK,
     BEGUN,
@@ -109,7 +116,7 @@ def test_the_priors_gradient_is_the_slope_of_the_turns_distance():
 
 
 def test_noise_is_as_given_or_a_mean_in_which_a_stray_frame_counts_fourfold():
-    s, follow = record(FILTER), plain(kalman.follow_noise)
+    s, follow = record(FILTER), plain(joint_noise.follow_noise)
     follow(s, 5.0, 2.0, 0.1)
     assert s.noise == 2.0
     s = record(FILTER)
@@ -122,7 +129,7 @@ def test_noise_is_as_given_or_a_mean_in_which_a_stray_frame_counts_fourfold():
     follow(s, 1e9, 0.0, 0.2)
     assert s.noise == pytest.approx(before + 0.2 * (4 * before - before))
     follow(s, -1.0, 0.0, 1.0)
-    assert s.noise == pytest.approx(kalman.LEAST_NOISE, rel=1e-5)
+    assert s.noise == pytest.approx(joint_noise.LEAST_NOISE, rel=1e-5)
 
 
 def test_a_state_ends_after_the_coast_and_begins_with_a_fit():
@@ -258,16 +265,16 @@ def test_the_adjoint_goes_back_over_a_frame_as_in_the_dense_form():
 def test_the_adjoints_covariance_goes_back_as_in_the_dense_form():
     """N = (I - K H)' N (I - K H) + H' S^-1 H, scores on the way, then F' N F."""
     k, rng = kept_frame(7), np.random.default_rng(7)
-    dense, m = positive(rng, 2 * N), rng.normal(size=(evidence.MATRICES, N, N))
-    m[evidence.POSE], m[evidence.CROSS] = dense[:N, :N], dense[:N, N:]
-    m[evidence.VELOCITY] = dense[N:, N:]
+    dense, m = positive(rng, 2 * N), rng.normal(size=(motion_evidence.MATRICES, N, N))
+    m[motion_evidence.POSE], m[motion_evidence.CROSS] = dense[:N, :N], dense[:N, N:]
+    m[motion_evidence.VELOCITY] = dense[N:, N:]
     s, left = dense_parts(k)
     expected = left.T @ dense @ left + s
-    plain(evidence.covariance_over_measurement)(k, m)
+    plain(motion_evidence.covariance_over_measurement)(k, m)
     np.testing.assert_allclose(in_blocks(m), expected, rtol=1e-9, atol=1e-9)
 
     r, scores = rng.normal(size=(4, N)), np.zeros((2, N))
-    plain(evidence.add_scores)(k, r, m, scores)
+    plain(motion_evidence.add_scores)(k, r, m, scores)
     for i in range(N):
         u = np.array([[k.q00[i], k.q01[i]], [k.q01[i], k.q11[i]]])
         a, pick = r[:2, i], np.ix_([i, N + i], [i, N + i])
@@ -275,12 +282,12 @@ def test_the_adjoints_covariance_goes_back_as_in_the_dense_form():
         assert scores[1, i] == pytest.approx(np.trace(expected[pick] @ u))
 
     f = transition(k)
-    plain(evidence.covariance_over_transition)(k, m)
+    plain(motion_evidence.covariance_over_transition)(k, m)
     np.testing.assert_allclose(in_blocks(m), f.T @ expected @ f, rtol=1e-9, atol=1e-9)
-    plain(evidence.clear_covariance)(m)
+    plain(motion_evidence.clear_covariance)(m)
     assert (in_blocks(m) == 0).all()
 
 
 def in_blocks(m: np.ndarray) -> np.ndarray:
-    p, c, v = m[evidence.POSE], m[evidence.CROSS], m[evidence.VELOCITY]
+    p, c, v = m[motion_evidence.POSE], m[motion_evidence.CROSS], m[motion_evidence.VELOCITY]
     return np.block([[p, c], [c.T, v]])

@@ -14,10 +14,18 @@ from plain import plain, record, workspace
 from scipy.spatial.transform import Rotation
 
 from handtrack.hand.model import HandModel
-from handtrack.kernels import arrowhead, exchange, faces, filter_loop, frame_loop, newton, steps
+from handtrack.kernels import (
+    arrowhead,
+    exchange,
+    faces,
+    filter_loop,
+    frame_loop,
+    newton,
+    pose_steps,
+)
 from handtrack.kernels import derivatives as kernel_derivatives
 from handtrack.kernels.filter_state import FILTER, KEPT
-from handtrack.kernels.objectives import place
+from handtrack.kernels.joint_objective import place
 from handtrack.kernels.workspace import FINGERS, GRADIENT, NORMAL, ROOT, WORK
 
 SADDLES = np.arange(20).reshape(5, 4)[:, :2]
@@ -87,11 +95,11 @@ def test_a_step_is_taken_from_the_pose_before_and_stays_inside_the_limits(share)
     rng, model = np.random.default_rng(2), HandModel.default("left")
     angles, rotation, shift = random_pose(model, rng)
     w = workspace(model, np.zeros((21, 3)), np.ones(21), angles, rotation, shift)
-    plain(steps.keep_pose)(w)
+    plain(pose_steps.keep_pose)(w)
     w.step[:, :5], w.root_step[:] = rng.normal(0, 0.3, (4, 5)), rng.normal(0, 0.5, ROOT)
     taken, root = by_finger(w.step), w.root_step.copy()
     w.angle[:], w.rotation[:] = 99.0, 99.0
-    plain(steps.take_step)(w, share)
+    plain(pose_steps.take_step)(w, share)
     turn = Rotation.from_rotvec(share * root[:3]).as_matrix()
     np.testing.assert_allclose(w.rotation, rotation @ turn, atol=1e-12)
     np.testing.assert_allclose(w.translation, shift + rotation @ (share * root[3:]), atol=1e-12)
@@ -106,7 +114,7 @@ def test_a_step_is_taken_from_the_pose_before_and_stays_inside_the_limits(share)
         size = np.linalg.norm(pair / star)
         # towards zero, along the ray, until it is on the ellipse
         np.testing.assert_allclose(found[[z, y]], pair / max(size, 1.0), atol=1e-12)
-    plain(steps.clear_step)(w)
+    plain(pose_steps.clear_step)(w)
     assert (w.step == 0).all()
     assert (w.root_step == 0).all()
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from handtrack.hand.model import HandModel
 from handtrack.kernels import image_fit
 from handtrack.kernels.image_fit import fit_views
-from handtrack.kernels.pixels import weigh_pixels
+from handtrack.kernels.pixel_objective import weigh_pixels
 from handtrack.kernels.workspace import CONVERGED, LIMIT, NORMAL
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "cameras"))

@@ -7,8 +7,8 @@ from numba import njit
 from scipy.spatial.transform import Rotation
 
 from handtrack.cameras.camera import Camera
-from handtrack.kernels.pixels import NEAR
-from handtrack.kernels.pixels import view as compiled
+from handtrack.kernels.pixel_objective import NEAR
+from handtrack.kernels.pixel_objective import view as compiled
 
 MATRIX = np.array([[900.0, 1.5, 640.0], [0, 870.0, 360.0], [0, 0, 1]])
 BENT = [-0.12, 0.08, 0.01, -0.02, 0.01, 0.02, -0.01, 0.005]

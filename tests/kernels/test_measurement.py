@@ -9,12 +9,12 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from handtrack.hand.model import HandModel
-from handtrack.kernels import covariance, drift, exchange, kalman, measurement
+from handtrack.kernels import drift, exchange, kalman, measurement, pose_information
 from handtrack.kernels.filter_state import DRIFTING, FILTER
 from handtrack.kernels.workspace import RESULT, WORK
 
 N = 26
-SOLVER = covariance.information
+SOLVER = pose_information.information
 
 
 class Case:

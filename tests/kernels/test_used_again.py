@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from handtrack.hand.capsules import contacts
 from handtrack.hand.model import HandModel
-from handtrack.kernels import bends, collisions, covariance, descent, exchange, li2021, newton
+from handtrack.kernels import bends, collisions, descent, exchange, li2021, newton, pose_information
 from handtrack.kernels.workspace import WORK
 
 SOLVERS = {
@@ -18,8 +18,8 @@ SOLVERS = {
     "li2021": li2021.bcd_li2021,
     "bends": bends.other_bends,
     "apart": collisions.move_apart,
-    "information": covariance.information,
-    "covariance": covariance.unit_covariance,
+    "information": pose_information.information,
+    "covariance": pose_information.unit_covariance,
 }
 RESULTS = ("angle", "rotation", "translation", "objective", "state", "sweeps", "steps")
 TOLD = {

@@ -11,7 +11,7 @@ from filter_cases import MODEL, frames_of, moving, poses, steady, turns_of
 import handtrack as ht
 from handtrack.detectors.profile import load_profile
 from handtrack.hand.rotations import matrix_to_vector
-from handtrack.kernels import colour
+from handtrack.kernels import joint_noise
 from handtrack.kernels.drift import LEAST_UNIT
 from handtrack.kernels.workspace import UNFITTED
 from handtrack.tracking import process_noise
@@ -183,7 +183,7 @@ def test_a_hand_that_does_not_fit_is_no_noise():
     turned = moving(150)[2] @ offset[..., None][:, None]
     off = frames_of(frames.times_ns, frames.joints + turned[..., 0].swapaxes(0, 1))
     share, part = lasting_share(LongFrames.of(off), 0.1)
-    white, lasts = colour.parts_of.py_func(share, part)
+    white, lasts = joint_noise.parts_of.py_func(share, part)
     level = np.nanmedian(off.raw["noise"])
     own = np.nanmedian(frames.raw["noise"])
     assert level > 4 * own
@@ -253,9 +253,9 @@ def test_the_noise_of_unseen_joints_is_vague_not_infinite():
 
 def test_corrected_joints_are_trusted_less_from_frame_to_frame():
     """White noise stays what it is; of noise that lasts residuals show less than there is."""
-    assert colour.corrected_parts.py_func(0.0, 1.0) == (1.0, 0.0)
-    white, lasts = colour.parts_of.py_func(1.0, 1.0)
-    new, less = colour.corrected_parts.py_func(1.0, 1.0)
+    assert joint_noise.corrected_parts.py_func(0.0, 1.0) == (1.0, 0.0)
+    white, lasts = joint_noise.parts_of.py_func(1.0, 1.0)
+    new, less = joint_noise.corrected_parts.py_func(1.0, 1.0)
     assert new > 2 * white
     assert less < lasts
 

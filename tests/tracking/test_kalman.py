@@ -8,8 +8,8 @@ from filter_cases import MODEL, frames_of, hard_frames, moving, poses, steady
 from scipy.linalg import expm
 
 from handtrack.hand.rotations import matrix_to_vector, vector_to_matrix
-from handtrack.kernels import evidence as motion
 from handtrack.kernels import filter_loop as kernels
+from handtrack.kernels import motion_evidence as motion
 from handtrack.kernels import motion_noise
 from handtrack.kernels.filter_state import BEGUN, KEPT, NOTE, PREDICTED, UPDATED
 from handtrack.tracking import process_noise
@@ -149,7 +149,7 @@ def test_evidence_is_the_slope_of_the_likelihood(couple):
     kept, evidence = np.zeros(50, KEPT), np.zeros((2, N))
     _, notes = likelihood(density, kept)
     work = np.zeros((motion.MATRICES, N, N))
-    motion.motion_evidence(notes, kept, work, evidence)
+    motion.add_evidence(notes, kept, work, evidence)
     slope = 0.5 * density * (evidence[0] - evidence[1])
     for i in (0, 5, 11, 19, 20, 22, 24):
         more, less = density.copy(), density.copy()

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from plain import plain, positive, record
 
-from handtrack.kernels import variances
+from handtrack.kernels import smoothed_variances
 from handtrack.kernels.filter_state import DRIFTING, FILTER, KEPT
 
 FRAMES, ANGLES, N = 6, 20, 26
 
 
 def run(name: str, *args) -> None:
-    plain(getattr(variances, name))(*args)
+    plain(getattr(smoothed_variances, name))(*args)
 
 
 def filtered(seed: int) -> tuple[list, list[np.ndarray], list[np.ndarray], list[np.ndarray]]:

@@ -17,7 +17,7 @@ MATRICES = 8
 
 
 @kernel
-def motion_evidence(notes, kept, m, evidence):
+def add_evidence(notes, kept, m, evidence):
     """How well the densities of the motion's noise fit, by the smoothed disturbances.
 
     (36) With r the adjoint and N its covariance, the score of density i is r' U r - tr(N U) over

@@ -14,7 +14,7 @@ from numba import njit
 import handtrack as ht
 from handtrack.hand.rotations import vector_to_matrix
 from handtrack.hand.skeleton import HANDS
-from handtrack.kernels import pixels
+from handtrack.kernels import pixel_objective
 
 from fit_cases import moved_joints  # isort: skip
 
@@ -24,12 +24,12 @@ from rigs import rig
 
 @njit
 def weigh(works, seen):
-    return pixels.weigh_pixels(works[0], seen)
+    return pixel_objective.weigh_pixels(works[0], seen)
 
 
 @njit
 def differentiate(works, seen, g, h):
-    pixels.differentiate_pixels(works[0], seen, g, h)
+    pixel_objective.differentiate_pixels(works[0], seen, g, h)
 
 
 @pytest.mark.parametrize("hand", HANDS)
@@ -87,7 +87,7 @@ def test_a_joint_behind_a_camera_costs_a_lot():
     works = loaded(model, model.joints(angles), np.ones(21), angles, rotation, behind)
     numbers = np.stack([c.lens for c in cameras]).view(np.recarray)
     seen = (numbers, np.zeros((1, 21, 2)), np.ones((1, 21)), 0.0, np.zeros(20), np.zeros(20))
-    assert weigh(works, seen) == pytest.approx(21 * pixels.BEHIND)
+    assert weigh(works, seen) == pytest.approx(21 * pixel_objective.BEHIND)
     g, h = np.empty(26), np.empty((26, 26))
     differentiate(works, seen, g, h)
     assert not g.any()

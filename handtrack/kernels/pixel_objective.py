@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from handtrack.kernels.compiled import inline
+from handtrack.kernels.joint_objective import loss_of
 from handtrack.kernels.kinematics import place_fingers, place_marks
 from handtrack.kernels.losses import HUBER
-from handtrack.kernels.objectives import loss_of
 from handtrack.kernels.vectors import (
     add,
     apply,

@@ -10,7 +10,7 @@ from numba import njit
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import vector_to_matrix
 from handtrack.kernels.compiled import call
-from handtrack.kernels.covariance import information
+from handtrack.kernels.pose_information import information
 
 MODEL = HandModel.default("left")
 

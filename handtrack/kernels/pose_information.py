@@ -19,7 +19,7 @@ from handtrack.kernels.arrowhead import (
 from handtrack.kernels.compiled import Solver, inline
 from handtrack.kernels.derivatives import differentiate
 from handtrack.kernels.faces import guess_faces
-from handtrack.kernels.objectives import place
+from handtrack.kernels.joint_objective import place
 from handtrack.kernels.vectors import apply, column, matrix, part, put_column, put_part
 from handtrack.kernels.workspace import (
     ABDUCTION,

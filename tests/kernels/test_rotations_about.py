@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from handtrack.kernels.turns import turns_about
+from handtrack.kernels.kinematics import turns_about
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""How much of the joints' noise lasts, as a stream's residuals show.
+"""The joints' noise, as a stream's residuals show it: how much there is, how much of it lasts.
 
 What a fit leaves of the joints is noise that no motion explains. Of it each joint's mean is taken
 away, which is the hand's and the detector's; where the rest is correlated from frame to frame,
@@ -21,6 +21,8 @@ from handtrack.kernels.vectors import (
     sub,
 )
 
+LEAST_NOISE = 1e-10
+"""Variance of the joints below which no residual is believed [m^2]."""
 CHANCE = 0.1
 """A correlation that white noise shows too, in few frames or on a hand that does not fit."""
 FINE = 0.3e-3**2
@@ -31,6 +33,20 @@ LEAST_MOVING = 0.05
 CORRECTED_NEW, CORRECTED_LASTS = 3.0, 0.375
 # pairs of joints before anything is said; time over which means and correlations forget [s]
 LEAST_PAIRS, MEAN_S, PRODUCTS_S = 300.0, 2.0, 5.0
+
+
+@inline
+def follow_noise(s, raw_noise, fixed, gain):
+    """The joints' noise: as given, or a running mean of what the raw fits show."""
+    if fixed > 0.0:
+        s.noise = fixed
+    elif math.isfinite(raw_noise):
+        # a stray frame counts at most fourfold
+        value = max(raw_noise, LEAST_NOISE)
+        if s.noise_count > 0.0:
+            value = min(value, 4.0 * s.noise)
+        s.noise_count += 1.0
+        s.noise += (value - s.noise) * max(1.0 / s.noise_count, gain)
 
 
 @inline
