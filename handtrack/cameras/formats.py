@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from handtrack.cameras.camera import Camera
 from handtrack.cameras.named import from_named, read_arrays, read_xml, read_yaml
 from handtrack.cameras.numbers import (
-    METRES,
     as_number,
     entry,
     metres_of,
@@ -22,6 +21,7 @@ from handtrack.cameras.numbers import (
 )
 from handtrack.errors import InputError, shown
 from handtrack.files.texts import parse_json, parse_toml, read_text
+from handtrack.hand.units import METRES
 
 Array = NDArray[np.float64]
 

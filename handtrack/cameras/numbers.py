@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError, SettingsError, shown
 from handtrack.hand.rotations import vector_to_matrix
+from handtrack.hand.units import METRES, Unit
 
 Array = NDArray[np.float64]
-METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 # no camera has as many pixels, is as far away, is turned as often or has a longer name
 _PIXELS, _FAR, _TURNS, _LONGEST = 100_000, 1e9, 100.0, 200
 _LENGTH = re.compile(r"(?P<number>\d{1,9}(\.\d{1,9})?)?[ ]?(?P<unit>m|cm|mm)")
@@ -27,7 +27,9 @@ def metres_of(unit: str) -> float:
         SettingsError: it is neither.
     """
     found = _LENGTH.fullmatch(unit.strip())
-    metres = 0.0 if found is None else float(found["number"] or 1) * METRES[found["unit"]]
+    metres = 0.0
+    if found is not None:
+        metres = float(found["number"] or 1) * METRES[cast(Unit, found["unit"])]
     if not metres:
         raise SettingsError(
             f"unit {shown(unit, 40)} is unknown, expected m, cm, mm or a length as in 42mm"

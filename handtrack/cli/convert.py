@@ -16,6 +16,7 @@ from handtrack.cli.options import json_option, quiet_option, reading_options
 from handtrack.cli.outputs import check_place, overwrite_option, refuse_existing
 from handtrack.cli.progress import compiling_said
 from handtrack.errors import InputError, SettingsError
+from handtrack.hand.units import METRES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--length",
-    type=click.Choice(["cm", "m", "mm"]),
+    type=click.Choice([*METRES]),
     default="cm",
     show_default=True,
     help="bvh: the unit of length in OUTPUT.",

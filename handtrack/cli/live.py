@@ -27,6 +27,7 @@ from handtrack.cli.options import (
 from handtrack.cli.outputs import RECORDINGS, check_target, overwrite_option
 from handtrack.cli.progress import compiling_said, warm_up
 from handtrack.errors import HandtrackError, SettingsError
+from handtrack.hand.units import METRES
 
 if TYPE_CHECKING:
     from handtrack.hand.skeleton import Hand
@@ -63,7 +64,7 @@ if TYPE_CHECKING:
 @click.option("--no-view", is_flag=True, help="Open no viewer.")
 @connect_option
 @click.option("--hand", type=click.Choice(["left", "right"]), help="Only this hand.")
-@click.option("--unit", type=click.Choice(["m", "cm", "mm"]), help="Unit of the joints.")
+@click.option("--unit", type=click.Choice([*METRES]), help="Unit of the joints.")
 @click.option("--order", metavar="NAME", help="Joint order, where the joints do not say.")
 @click.option("--model", type=click.Path(path_type=Path), help="A hand_landmarker.task.")
 @model_options

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from handtrack.errors import SettingsError
+from handtrack.hand.units import METRES
 from handtrack.settings import Known
 from handtrack.tracking.settings import TrackSettings
 
@@ -219,7 +220,7 @@ def reading_options(command: _Command, frames: bool = True) -> _Command:
             help="Of a table: the 63 columns of the joints, x y z of each in its turn: the first"
             " and the last, or all with commas between; titles, or numbers from 0.",
         ),
-        click.option("--unit", type=click.Choice(["m", "cm", "mm"]), help="Unit of the joints."),
+        click.option("--unit", type=click.Choice([*METRES]), help="Unit of the joints."),
         click.option(
             "--hand",
             type=click.Choice(["auto", "left", "right", "swap"]),

@@ -12,11 +12,9 @@ from handtrack.exporting.motion import Motion, offsets
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import matrix_to_vector, vector_to_matrix
 from handtrack.hand.skeleton import BASES, JOINT_NAMES
+from handtrack.hand.units import METRES
 
 Array = NDArray[np.float64]
-
-UNITS = {"cm": 1e2, "m": 1.0, "mm": 1e3}
-"""How many of a unit are a metre. BVH names none: most programs take its numbers for cm."""
 
 _UNEVEN = 0.25
 """Frames farther than this share of a step from an even grid are brought onto it."""
@@ -48,7 +46,7 @@ def write_bvh(model: HandModel, moved: Motion, path: Path, unit: str = "cm") -> 
         model: its rest joints give the offsets.
         moved: its motion.
         path: the file.
-        unit: of offsets and positions, one of `UNITS`.
+        unit: of offsets and positions; BVH names none, and most programs take its numbers for cm.
 
     Returns:
         What was done beyond writing the frames as they are, in words; else "".
@@ -56,9 +54,10 @@ def write_bvh(model: HandModel, moved: Motion, path: Path, unit: str = "cm") -> 
     Raises:
         SettingsError: the unit is unknown.
     """
-    if unit not in UNITS:
-        raise SettingsError(f"unit is {unit!r}, expected one of {', '.join(UNITS)}")
-    scale = UNITS[unit]
+    metres = next((size for known, size in METRES.items() if known == unit), None)
+    if metres is None:
+        raise SettingsError(f"unit is {unit!r}, expected one of {', '.join(METRES)}")
+    scale = 1.0 / metres
     step, moved, note = _even(moved)
     frames = len(moved.time_s)
     values = np.empty((frames, 3 + 3 * 16))

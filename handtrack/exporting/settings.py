@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from handtrack.hand.units import METRES
 from handtrack.settings import Settings, setting
 
 UPS = ("y", "x", "z", "-x", "-y", "-z")
@@ -18,7 +19,7 @@ class ExportSettings(Settings):
 
     raw: bool = setting(False, "bvh, glb, urdf, mjcf: poses as fitted, not as filtered.")
     up: str = setting("y", "bvh, glb: the input's axis that points up; it becomes y.", choices=UPS)
-    unit: str = setting("cm", "bvh: the unit of length.", choices=("cm", "m", "mm"))
+    unit: str = setting("cm", "bvh: the unit of length.", choices=tuple(METRES))
     rotations: str = setting(
         "none",
         "csv, parquet, npz: the joints' rotations in the world as well.",

@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from handtrack.errors import InputError, shown
 from handtrack.files import budget, long_arrays
 
+ZIP = b"PK\x03\x04"
+"""What a .zip begins with, and so an .npz."""
 DAMAGED = (
     ValueError,
     EOFError,

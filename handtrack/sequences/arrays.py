@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import N_JOINTS
+from handtrack.hand.units import METRES
 from handtrack.sequences.assemble import check_settings
 from handtrack.sequences.load import finished
-from handtrack.sequences.readers.raw import METRES, Raw
+from handtrack.sequences.readers.raw import Raw
 from handtrack.sequences.sequence import Sequence
 from handtrack.sequences.size import WrongUnit, absurd
 

@@ -20,8 +20,8 @@ from functools import lru_cache
 from typing import Literal
 
 from handtrack.hand.skeleton import FINGERS, Hand
+from handtrack.hand.units import Unit
 
-Unit = Literal["m", "cm", "mm"]
 TimeUnit = Literal["s", "ms", "us", "ns"]
 KEPT = 4096
 """So many names are remembered."""

@@ -10,7 +10,8 @@ import numpy as np
 from handtrack.errors import InputError
 from handtrack.files.long_arrays import by_blocks, rows_of
 from handtrack.hand.skeleton import BASES, PARENTS
-from handtrack.sequences.readers.raw import METRES, Array, Unit
+from handtrack.hand.units import METRES, Unit
+from handtrack.sequences.readers.raw import Array
 from handtrack.sequences.some_frames import some_frames
 
 PLAUSIBLE_PALM = (0.03, 0.2)

@@ -12,6 +12,7 @@ from functools import lru_cache
 from typing import Literal
 
 from handtrack.hand.skeleton import JOINT_NAMES, Hand
+from handtrack.hand.units import Unit
 from handtrack.sequences.names import (
     ABOUT_JOINTS,
     ABOUT_TIME,
@@ -37,7 +38,6 @@ from handtrack.sequences.names import (
     WRIST,
     JointName,
     TimeUnit,
-    Unit,
     joint_name,
     without_hand,
     words,

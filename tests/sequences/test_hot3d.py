@@ -213,6 +213,12 @@ def test_visionos_lines_come_into_the_world(tmp_path, left, right):
     np.testing.assert_allclose(other.joints, right, atol=1e-12)
     assert (mine.hand, other.hand) == ("left", "right")
     assert mine.fps == pytest.approx(60, abs=0.1)
+    listed = tmp_path / "tracking.json"
+    for content in (lines, {"frames": lines}):
+        listed.write_text(json.dumps(content))
+        for a, b in zip(ht.load(listed), (mine, other), strict=True):
+            np.testing.assert_array_equal(a.joints, b.joints)
+            np.testing.assert_array_equal(a.time_ns, b.time_ns)
     lines[5]["rightHand"]["ringTip"] = [1, 2, 3]
     path.write_text("\n".join(map(json.dumps, lines)))
     with pytest.raises(HandtrackError, match="line 6: rightHand: ringTip is no pose"):

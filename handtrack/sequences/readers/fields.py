@@ -20,18 +20,17 @@ from numpy.typing import NDArray
 from handtrack.errors import InputError
 from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.skeleton import N_JOINTS, ORDER_JOINTS
+from handtrack.hand.units import METRES, Unit
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.joint_order import with_as_many
 from handtrack.sequences.names import UNUSED, as_side, joint_name, words
 from handtrack.sequences.readers.array_axes import frames_first, of_poses
 from handtrack.sequences.readers.jsontext import nested_array, nested_numbers, numbers
 from handtrack.sequences.readers.raw import (
-    METRES,
     Array,
     NotJointsError,
     Raw,
     Shown,
-    Unit,
     as_fps,
     as_hand,
     as_unit,

@@ -10,7 +10,8 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from handtrack.hand.skeleton import Hand
-from handtrack.sequences.names import KEPT, Unit, as_side
+from handtrack.hand.units import Unit
+from handtrack.sequences.names import KEPT, as_side
 from handtrack.sequences.readers.points import COUNTS, are_points
 from handtrack.sequences.titles import (
     JointsKey,

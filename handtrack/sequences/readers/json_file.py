@@ -96,7 +96,7 @@ def read_lines(data: bytes, path: Path) -> list[Raw]:
     table = table_of(values)
     if table is not None:
         return text_table.read_table(table, path)
-    return flat_too(lambda v: _of_source(v, places, path) or read_records(v, places, path), values)
+    return flat_too(lambda v: _frames(v, places, path), values)
 
 
 _OF_THEIR_OWN = (hot3d, rosbridge, visionpro)
@@ -111,7 +111,9 @@ def _is_of_its_own(line: bytes) -> bool:
     return isinstance(first, dict) and any(of.is_frame(first) for of in _OF_THEIR_OWN)
 
 
-def _of_source(values: list[Any], places: Items[str], path: Path) -> list[Raw] | None:
+def _of_source(
+    values: list[Any], places: Items[str], path: Path, about: dict[str, Any] | None = None
+) -> list[Raw] | None:
     """The hands of frames as a source of its own has them."""
     first = next((v for v in values if v), None)
     if isinstance(first, dict):
@@ -122,8 +124,15 @@ def _of_source(values: list[Any], places: Items[str], path: Path) -> list[Raw] |
         if visionpro.is_frame(first):
             return visionpro.read_lines(values, places, path)
     if ultraleap.any_in(values):
-        return ultraleap.read_frames(values, places, path)
+        return ultraleap.read_frames(values, places, path, about)
     return None
+
+
+def _frames(
+    values: list[Any], places: Items[str], path: Path, about: dict[str, Any] | None = None
+) -> list[Raw]:
+    found = _of_source(values, places, path, about)
+    return found or read_records(values, places, path, about)
 
 
 def alike(
@@ -231,7 +240,7 @@ def _from_value(value: Any, path: Path) -> list[Raw]:
     if not any(isinstance(v, list | int | float | dict) for v in value):
         raise NotJointsError("no joints in it: the list holds no frames", path)
     if _are_frames(value):
-        return _frames(value, path, {})
+        return _listed(value, path)
     if any(isinstance(v, dict) for v in value):  # joints of one frame
         return read_records([value], ["the list"], path)
     return two_hands(Raw(as_frames(value, path, "the list"), path, stem(path)))
@@ -257,13 +266,8 @@ def _are_frames(value: list[Any]) -> bool:
     return isinstance(some, list) and (any(isinstance(v, dict) for v in some) or has_names(some))
 
 
-def _frames(values: list[Any], path: Path, about: dict[str, Any]) -> list[Raw]:
-    places = Places("frame", range(len(values)))
-    if ultraleap.any_in(values):
-        return ultraleap.read_frames(values, places, path, about)
-    if rosbridge.is_frame(next((v for v in values if v), None)):
-        return rosbridge.read_frames(values, places, path)
-    return read_records(values, places, path, about)
+def _listed(values: list[Any], path: Path, about: dict[str, Any] | None = None) -> list[Raw]:
+    return _frames(values, Places("frame", range(len(values))), path, about)
 
 
 def _object(value: dict[str, Any], path: Path) -> list[Raw]:
@@ -279,10 +283,10 @@ def _object(value: dict[str, Any], path: Path) -> list[Raw]:
         if not isinstance(frames, list) or not any(map(_may_hold_names, frames)):
             continue
         if not are_points(frames) and (ultraleap.any_in(frames) or any(map(hands_in, frames))):
-            return _frames(frames, path, value)
+            return _listed(frames, path, value)
     numbered = by_number(value)
     if numbered:
-        return _frames(numbered, path, {})
+        return _listed(numbered, path)
     found = hands_in(value)
     seen = any(isinstance(f.value, dict | list) and are_points(f.value) for f in found)
     if seen and not is_clip(value, path):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import N_JOINTS, Hand
+from handtrack.hand.units import Unit
 from handtrack.sequences.names import (
     ABOUT_JOINTS,
     AXES,
@@ -20,7 +21,6 @@ from handtrack.sequences.names import (
     UNITS,
     UNUSED,
     JointName,
-    Unit,
     as_side,
     joint_name,
     words,

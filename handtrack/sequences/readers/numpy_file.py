@@ -21,7 +21,6 @@ from handtrack.sequences.readers.raw import Raw, stem
 from handtrack.sequences.titles import joints_key
 
 NPY_MAGIC = b"\x93NUMPY"
-ZIP_MAGIC = b"PK\x03\x04"
 
 
 def read_npy(data: bytes, path: Path) -> list[Raw]:
@@ -107,7 +106,7 @@ FORMATS = (
         suffixes=(".npz", ".npy"),
         ways=(
             Way("bytes", lambda data, path: data.startswith(NPY_MAGIC), read_npy),
-            Way("bytes", lambda data, path: data.startswith(ZIP_MAGIC), read_npz),
+            Way("bytes", lambda data, path: data.startswith(npz.ZIP), read_npz),
         ),
     ),
     Format(

@@ -30,7 +30,6 @@ _BY_MAGIC: dict[bytes, tuple[str, Callable[[Path], Any]]] = {
     b"BZh": ("bzip2", bz2.open),
     b"\xfd7zXZ": ("xz", lzma.open),
 }
-_ZIP = b"PK\x03\x04"
 _ZSTD = b"\x28\xb5\x2f\xfd"
 _SUFFIXES = (".gz", ".bz2", ".xz", ".zip")
 _DAMAGED = (OSError, EOFError, zlib.error, lzma.LZMAError, ValueError)
@@ -72,37 +71,36 @@ def only_member(path: Path) -> str | None:
     """The file that alone is in a .zip; None of a .npz and of what has several.
 
     Raises:
-        InputError: damaged, or with more members than any .npz.
+        InputError: encrypted, or with more members than any .npz.
     """
-    try:
-        with path.open("rb") as file:
-            npz.check_directory(file, path)
-            with zipfile.ZipFile(file) as archive:
-                infos = [i for i in archive.infolist() if _is_content(i)]
-    except npz.DAMAGED:
-        return None  # said where its arrays are looked for
-    names = [i.filename for i in infos]
-    if len(names) != 1 or names[0].endswith(".npy"):
+    infos = _members(path)
+    if len(infos) != 1:
         return None
+    name = infos[0].filename
     if infos[0].flag_bits & 1:
-        raise InputError(f"{shown(names[0], 60)} is encrypted, which is not read: unpack it", path)
-    return names[0]
+        raise InputError(f"{shown(name, 60)} is encrypted, which is not read: unpack it", path)
+    return name
 
 
 def holds_files(path: Path) -> bool:
     """Whether it is a .zip of several files, other than an .npz."""
+    return len(_members(path)) > 1
+
+
+def _members(path: Path) -> list[zipfile.ZipInfo]:
+    """The files in a .zip; none of an .npz, of what is damaged and of any other file."""
     if not path.is_file():
-        return False  # a pipe would wait for its writer
+        return []  # a pipe would wait for its writer
     try:
         with path.open("rb") as file:
-            if file.read(len(_ZIP)) != _ZIP:
-                return False
+            if file.read(len(npz.ZIP)) != npz.ZIP:
+                return []
             npz.check_directory(file, path)
             with zipfile.ZipFile(file) as archive:
-                names = [i.filename for i in archive.infolist() if _is_content(i)]
+                infos = [i for i in archive.infolist() if _is_content(i)]
     except (*npz.DAMAGED, OSError):
-        return False  # said where its arrays are looked for
-    return len(names) > 1 and not any(n.endswith(".npy") for n in names)
+        return []  # said where its arrays are looked for
+    return [] if any(i.filename.endswith(".npy") for i in infos) else infos
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import Hand
+from handtrack.hand.units import Unit
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import UNITS, as_side
 
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
     from handtrack.sequences.readers.mano_params import ManoValues
 
 Array = NDArray[np.float64]
-Unit = Literal["m", "cm", "mm"]
-METRES: dict[Unit, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-"""One of each unit in metres."""
 
 
 class NotJointsError(InputError):

@@ -8,7 +8,7 @@ from typing import IO
 import msgspec
 
 from handtrack.errors import InputError, SettingsError
-from handtrack.files import budget
+from handtrack.files import budget, npz
 from handtrack.files.collecting import no_collecting
 from handtrack.sequences.readers import (
     freemocap,
@@ -21,7 +21,7 @@ from handtrack.sequences.readers import (
 from handtrack.sequences.readers.catalogue import kinds, ways
 from handtrack.sequences.readers.json_file import from_value, is_lines, read_json, read_lines
 from handtrack.sequences.readers.jsontext import as_utf8, decode, of_python, one_after_another
-from handtrack.sequences.readers.numpy_file import ZIP_MAGIC, read_npz
+from handtrack.sequences.readers.numpy_file import read_npz
 from handtrack.sequences.readers.raw import NotJointsError, Raw
 
 _TAR_MAGIC_AT = 257
@@ -54,11 +54,11 @@ def read_file(
             return panoptic_tar.read_tar(path, frames)
         if packed.is_packed(head, path):
             return _read_packed(path, frames, kind)
-        alone = packed.only_member(path) if head.startswith(ZIP_MAGIC) and path.is_file() else None
+        alone = packed.only_member(path)
         if alone is not None:
             with packed.member(path, alone) as (first, content):
                 return _unpacked(first, content, path, kind, alone)
-        if head.startswith(ZIP_MAGIC) and kind is None and path.is_file():
+        if head.startswith(npz.ZIP) and kind is None and path.is_file():
             # its members are read one by one, not the file as a whole
             budget.check(path.stat().st_size, path)
             return freemocap.with_unit(read_npz(path, path), path)

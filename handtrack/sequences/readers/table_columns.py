@@ -9,8 +9,9 @@ from pathlib import Path
 
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS, ORDER_JOINTS, Hand
+from handtrack.hand.units import METRES, Unit
 from handtrack.sequences.names import AXES, ROW_TITLES, UNUSED, JointName, words
-from handtrack.sequences.readers.raw import METRES, NotJointsError, Unit
+from handtrack.sequences.readers.raw import NotJointsError
 from handtrack.sequences.settled import settle
 from handtrack.sequences.titles import (
     Column,

@@ -21,9 +21,10 @@ from handtrack.files import budget
 from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.rotations import about_axis
 from handtrack.hand.skeleton import ORDERS
+from handtrack.hand.units import METRES, Unit
 from handtrack.sequences.readers.companions import Companions
 from handtrack.sequences.readers.jsontext import decode
-from handtrack.sequences.readers.raw import METRES, Array, Raw, Unit
+from handtrack.sequences.readers.raw import Array, Raw
 
 PROFILE_NAMES = ("umetrack_hand_user_profile.json", "generic_hand_model.json")
 N_HINGES, N_LANDMARKS, N_FRAMES = 20, 21, 17
