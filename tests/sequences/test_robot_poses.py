@@ -130,7 +130,7 @@ def test_damaged_messages_are_told(tmp_path: Path) -> None:
             for at in rng.integers(0, max(len(broken), 1), 6):
                 broken[at : at + 1] = bytes([int(rng.integers(256))])
             try:
-                decode(bytes(broken), schema, encoding, text)
+                list(decode([bytes(broken)], schema, encoding, text))
             except (ValueError, TypeError, KeyError, IndexError, OverflowError, struct.error):
                 told += 1
     assert told > 300

@@ -9,10 +9,12 @@ tf2_msgs/msg/TFMessage, geometry_msgs/msg/TransformStamped
 from __future__ import annotations
 
 import struct
-from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from handtrack.sequences.readers.message_rows import Ints, Rows
 from handtrack.sequences.readers.robot_messages import (
     Array,
     Marker,
@@ -20,6 +22,7 @@ from handtrack.sequences.readers.robot_messages import (
     Poses,
     Transform,
     Transforms,
+    marked,
 )
 
 _MOST = 100_000
@@ -29,95 +32,95 @@ _MOST = 100_000
 _SIZES = {kind: struct.calcsize(kind) for kind in "BiIfd"}
 
 
-@lru_cache(64)
-def _plain(kinds: str) -> struct.Struct:
-    return struct.Struct(kinds)
-
-
 class Cdr:
     """Reads values one after the other; numbers lie at multiples of their size.
 
     Args:
-        data: a message, with CDR's four bytes before it.
-        packed: it is ROS 1's: without them, numbers close together, headers with a number first.
+        rows: messages of one layout, with CDR's four bytes before each.
+        packed: they are ROS 1's: without them, numbers close together, headers with a number
+            first.
 
     Raises:
         ValueError: no CDR, or a length that cannot be.
         struct.error: the message is too short.
     """
 
-    def __init__(self, data: bytes, packed: bool = False) -> None:
-        self._packed = packed
+    def __init__(self, rows: Rows, packed: bool = False) -> None:
+        self._rows, self._packed, self._first = rows, packed, rows.first
         if packed:
-            self._data, self._at, self._order = data, 0, "<"
+            self._at, self._order = 0, "<"
             return
-        if len(data) < 4 or data[0] != 0 or data[1] not in (0, 1):
+        if len(self._first) < 4 or self._first[0] != 0 or self._first[1] not in (0, 1):
             raise ValueError("not in plain CDR")
-        self._data, self._at, self._order = data, 4, "<>"[1 - data[1]]
+        rows.free(2, 4)
+        self._at, self._order = 4, "<>"[1 - self._first[1]]
+
+    def __len__(self) -> int:
+        return len(self._rows)
 
     def number(self, kind: str) -> int:
-        """One number, by its letter of `struct`."""
-        return int(self.numbers(kind)[0])
-
-    def numbers(self, kinds: str) -> tuple[float, ...]:
-        """Numbers of one size each, by their letters."""
-        read = _plain(self._order + kinds)
-        self._align(_SIZES[kinds[0]])
-        found = read.unpack_from(self._data, self._at)
-        self._at += read.size
-        return found
+        """One number that is the same in all, by its letter of `struct`."""
+        self._align(_SIZES[kind])
+        (found,) = struct.unpack_from(self._order + kind, self._first, self._at)
+        self._at += _SIZES[kind]
+        return int(found)
 
     def doubles(self, count: int) -> Array:
-        """(count,) of 8 bytes each."""
-        if not count:
-            return np.empty(0)
-        self._align(8)
-        found = np.frombuffer(self._data, self._order + "f8", count, self._at)
-        self._at += 8 * count
-        return found.astype(np.float64)
+        """(n, count) of 8 bytes each."""
+        return self._numbers("f8", count).astype(np.float64)
+
+    def _numbers(self, kind: str, count: int = 1) -> NDArray[Any]:
+        size = int(kind[1:])
+        if count:
+            self._align(size)
+        found = self._rows.numbers(self._at, self._order + kind, count)
+        self._at += size * count
+        return found
 
     def skip(self, kind: str, count: int) -> None:
         """Pass over numbers."""
         self._align(_SIZES[kind])
-        self._at += _SIZES[kind] * count
-        if self._at > len(self._data):
-            raise ValueError("it is cut short")
+        end = self._at + _SIZES[kind] * count
+        self._rows.free(self._at, end)
+        self._at = end
 
     def _align(self, size: int) -> None:
-        self._at += 0 if self._packed else -(self._at - 4) % size
+        end = self._at + (0 if self._packed else -(self._at - 4) % size)
+        self._rows.free(self._at, end)
+        self._at = end
 
     def length(self) -> int:
         """How many come."""
         count = self.number("I")
-        if count > len(self._data) - self._at:
-            raise ValueError(f"{count} elements in {len(self._data)} bytes")
+        if count > len(self._first) - self._at:
+            raise ValueError(f"{count} elements in {len(self._first)} bytes")
         return count
 
     def text(self) -> str:
         """A string."""
         size = self.length()
-        found = self._data[self._at : self._at + size]
+        found = self._first[self._at : self._at + size]
         self._at += size
         return found.rstrip(b"\0").decode("utf-8", "replace")
 
-    def header(self) -> tuple[int, str]:
-        """The stamp [ns], and the frame."""
+    def header(self) -> tuple[Ints, str]:
+        """The stamps [ns], and the frame."""
         if self._packed:
-            self.number("I")
+            self.skip("I", 1)
         return self.time(), self.text()
 
-    def time(self) -> int:
-        """A stamp [ns]."""
-        seconds, rest = self.numbers("iI")
-        return int(seconds) * 10**9 + int(rest)
+    def time(self) -> Ints:
+        """(n,) stamps [ns]."""
+        seconds, rest = self._numbers("i4")[:, 0], self._numbers("u4")[:, 0]
+        return seconds.astype(np.int64) * 10**9 + rest.astype(np.int64)
 
     def pose(self) -> Array:
-        """(7,) x y z, and the quaternion x y z w."""
+        """(n, 7) x y z, and the quaternion x y z w."""
         return self.doubles(7)
 
     def places(self) -> Array:
-        """(n, 3) of a list of poses."""
-        return self.doubles(7 * _few(self.length())).reshape(-1, 7)[:, :3]
+        """(n, k, 3) of a list of poses."""
+        return self.doubles(7 * _few(self.length())).reshape(len(self), -1, 7)[:, :, :3]
 
 
 def poses(cdr: Cdr) -> Message:
@@ -129,7 +132,7 @@ def poses(cdr: Cdr) -> Message:
 def placed(cdr: Cdr) -> Message:
     """A PoseStamped, with covariance or without, or a PointStamped."""
     stamp, frame = cdr.header()
-    return Poses(stamp, frame, cdr.doubles(3)[None])
+    return Poses(stamp, frame, cdr.doubles(3)[:, None])
 
 
 def posed(cdr: Cdr) -> Message:
@@ -140,29 +143,24 @@ def posed(cdr: Cdr) -> Message:
 
 def markers(cdr: Cdr, definition: str) -> Message:
     """A MarkerArray; its definition tells which fields there are."""
-    return _marked([_marker(cdr, definition) for _ in range(_few(cdr.length()))])
+    return marked([_marker(cdr, definition) for _ in range(_few(cdr.length()))], len(cdr))
 
 
 def marker(cdr: Cdr, definition: str) -> Message:
     """A Marker alone."""
-    return _marked([_marker(cdr, definition)])
-
-
-def _marked(found: list[Marker]) -> Message:
-    stamp = found[0].stamp if found else None
-    return Poses(stamp, found[0].frame if found else "", np.empty((0, 3)), tuple(found))
+    return marked([_marker(cdr, definition)], len(cdr))
 
 
 def _marker(cdr: Cdr, definition: str) -> Marker:
     stamp, frame = cdr.header()
     space = cdr.text()
-    number, kind, action = map(int, cdr.numbers("iii"))
+    number, kind, action = cdr.number("i"), cdr.number("i"), cdr.number("i")
     place = cdr.pose()
     cdr.skip("d", 3)  # scale
     cdr.skip("f", 4)  # colour
     cdr.skip("i", 2)  # lifetime
     cdr.skip("B", 1)
-    points = cdr.doubles(3 * _few(cdr.length())).reshape(-1, 3)
+    points = cdr.doubles(3 * _few(cdr.length())).reshape(len(cdr), -1, 3)
     cdr.skip("f", 4 * _few(cdr.length()))
     if "texture_resource" in definition:
         cdr.text()

@@ -14,6 +14,7 @@ from handtrack.mcap.walk import Walk
 from handtrack.sequences.readers import mcap_json
 from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.raw import NotJointsError, Raw, stem
+from handtrack.sequences.readers.robot_logs import Channel as Robot
 from handtrack.sequences.readers.robot_logs import RobotLog, understood
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def read_mcap(path: Path) -> list[Raw]:
     hands = Hands(walk)
     messages: list[mcap_json.Message] = []
     log = RobotLog(path)
+    robots: dict[int, Robot] = {}
 
     def of_robots(channel: Channel) -> bool:
         # recordings of our own hold frames for viewers too
@@ -49,9 +51,11 @@ def read_mcap(path: Path) -> list[Raw]:
     for found in walk.messages(wanted):
         channel = walk.channels[found.channel]
         if of_robots(channel):
-            schema = walk.definitions[channel.schema_id]
-            encoding = channel.message_encoding
-            log.add(channel.topic, found.time, found.data, schema.name, encoding, schema.data)
+            if found.channel not in robots:
+                schema = walk.definitions[channel.schema_id]
+                about = channel.topic, schema.name, channel.message_encoding, schema.data
+                robots[found.channel] = log.channel(*about)
+            robots[found.channel].add(found.time, found.data)
         elif channel.message_encoding == "json":
             messages.append(mcap_json.Message(channel.topic, found.time, found.data))
         else:

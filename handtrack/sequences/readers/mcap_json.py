@@ -239,7 +239,17 @@ def message_stamps(own: list[int | float | str | None], logged: list[int]) -> St
         if not re.fullmatch(r"\d{1,18}|\d{19}", text) or abs(int(text) - logged_at) > SAME_CLOCK_NS:
             return Stamps(log, "log time", "ns")
         stamps.append(int(text))
-    taken = np.array(stamps, dtype=np.int64)
+    return _in_better_order(np.array(stamps, dtype=np.int64), log)
+
+
+def taken_or_logged(own: NDArray[np.int64], logged: NDArray[np.int64]) -> Stamps:
+    """The same of (n,) stamps [ns] that are numbers."""
+    if (own >= 0).all() and (np.abs(own - logged) <= SAME_CLOCK_NS).all():
+        return _in_better_order(own, logged)
+    return Stamps(logged, "log time", "ns")
+
+
+def _in_better_order(taken: NDArray[np.int64], log: NDArray[np.int64]) -> Stamps:
     # of two that say the same, the one that is in better order
     if (np.diff(taken) <= 0).sum() <= (np.diff(log) <= 0).sum():
         return Stamps(taken, "header timestamp", "ns")

@@ -7,17 +7,25 @@ from collections.abc import Sequence as Items
 from collections.abc import Set
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handtrack.errors import InputError, shown
-from handtrack.files.long_arrays import blocks
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import UNUSED, joint_name, without_hand, words
 from handtrack.sequences.readers.fields import JOINT_COUNTS
+from handtrack.sequences.readers.message_rows import Ints
 from handtrack.sequences.readers.raw import Array, Raw, stem
-from handtrack.sequences.readers.robot_messages import Poses, Transform, turns_of
+from handtrack.sequences.readers.robot_messages import (
+    UNSTAMPED,
+    Poses,
+    Transform,
+    turnable,
+    turns_of,
+)
 from handtrack.sequences.settled import settle
 from handtrack.sequences.titles import few
 
@@ -29,62 +37,91 @@ _KIND = re.compile(r"(?i)[/_](pose|point|position|pose_stamped|point_stamped)s?$
 _STILL = (0.0, 0.0, 0.0, 1.0)
 
 
+class _Told(NamedTuple):
+    """What messages tell of one frame.
+
+    Attributes:
+        numbers: (n,) of the messages.
+        times: (n,) [ns].
+        above: (n,) which frame it is in: a number of `Frames.parents`.
+        poses: (n, 7) where.
+    """
+
+    numbers: Ints
+    times: Ints
+    above: Ints
+    poses: Array
+
+
 @dataclass
 class Frames:
     """Frames of TF over time; `others` are topics of single places that are no joints."""
 
-    static: dict[str, Transform] = field(default_factory=dict)
-    moments: dict[int, dict[str, Transform]] = field(default_factory=dict)
-    logged: dict[int, int] = field(default_factory=dict)
     others: list[str] = field(default_factory=list)
+    _static: dict[str, _Told] = field(default_factory=dict)
+    _moving: dict[str, list[_Told]] = field(default_factory=dict)
+    _parents: list[str] = field(default_factory=list)
 
-    def add(self, transforms: tuple[Transform, ...], log_time: int, static: bool) -> None:
-        for transform in transforms:
-            if static:
-                self.static[transform.child] = transform
-                continue
-            time = transform.stamp or log_time
-            self.moments.setdefault(time, {})[transform.child] = transform
-            self.logged.setdefault(time, log_time)
+    def add(
+        self, transforms: tuple[Transform, ...], numbers: Ints, logged: Ints, static: bool
+    ) -> None:
+        """What some messages of one layout tell.
 
-    def take(self, topic: str, found: Items[Poses], logged: Items[int]) -> None:
-        """The frames that a topic of single places stands for, where its name is a joint's."""
+        Args:
+            transforms: of each.
+            numbers: (n,) of the messages, rising.
+            logged: (n,) when they were logged [ns].
+            static: their frames never move.
+        """
+        for given in transforms:
+            if given.parent not in self._parents:
+                self._parents.append(given.parent)
+            above = np.full(len(numbers), self._parents.index(given.parent))
+            times = np.where(_stamped(given.stamp), given.stamp, logged)
+            told = _Told(numbers, times, above, given.pose)
+            if not static:
+                self._moving.setdefault(given.child, []).append(told)
+            elif given.child not in self._static or (
+                self._static[given.child].numbers[-1] <= numbers[-1]
+            ):
+                self._static[given.child] = told
+
+    def take(self, topic: str, told: Items[tuple[Ints, Ints, Poses]]) -> None:
+        """The frames that a topic of single places stands for, where its name is a joint's.
+
+        Args:
+            topic: its name.
+            told: numbers of messages, when they were logged, and what they say.
+        """
         name = _KIND.sub("", topic.strip("/"))
-        if any(m.markers or len(m.places) > 1 for m in found):
+        if any(m.markers or m.places.shape[1] > 1 for _, _, m in told):
             return
         if joint_name(words(name)) is None:
             self.others.append(name)
             return
-        for message, log_time in zip(found, logged, strict=True):
-            if len(message.places):
-                pose = np.array([*message.places[0], *_STILL])
-                one = Transform(message.stamp or log_time, message.frame, name, pose)
-                self.add((one,), log_time, False)
+        for numbers, logged, message in told:
+            if message.places.shape[1]:
+                pose = np.tile([0.0, 0.0, 0.0, *_STILL], (len(numbers), 1))
+                pose[:, :3] = message.places[:, 0]
+                own = np.where(_stamped(message.stamp), message.stamp, logged)
+                self.add((Transform(own, message.frame, name, pose),), numbers, logged, False)
 
     def hands(self, path: Path) -> list[Raw]:
-        """Hands whose joints have frames of their own, in the frame above all others."""
-        names = {c for moment in self.moments.values() for c in moment}
+        """Hands whose joints have frames of their own, in the frame above all others.
+
+        Raises:
+            InputError: a frame that is above itself, or names that are not understood.
+        """
+        moving = {name: _in_order(told) for name, told in self._moving.items()}
         raws = []
-        for hand, columns in _by_hand(sorted(names | set(self.static))).items():
+        for hand, columns in _by_hand(sorted(moving.keys() | self._static.keys())).items():
             self._check_names(hand, columns, path)
-            times: list[int] = []
-            chains: list[list[Transform]] = []
-            spots: list[tuple[int, int]] = []
-            latest: dict[str, Transform] = dict(self.static)
-            for time, moment in together(self.moments, columns.keys()).items():
-                latest |= moment
-                if not columns.keys() & moment.keys():
-                    continue
-                for name, joint in columns.items():
-                    # a joint is there in the moments that tell of it, or always
-                    if name in moment or name in self.static:
-                        chains.append(_chain(name, latest, path))
-                        spots.append((len(times), joint))
-                times.append(time)
+            times, rows = _rows(moving, columns.keys())
             joints = np.full((len(times), N_JOINTS, 3), np.nan)
-            if spots:
-                at = np.array(spots)
-                joints[at[:, 0], at[:, 1]] = _places(chains)
+            for name, joint in columns.items():
+                # a joint is there in the moments that tell of it, or always
+                at = np.arange(len(times)) if name in self._static else rows[name]
+                joints[at, joint] = self._placed(name, times[at], moving, path)
             raws.append(
                 Raw(
                     joints,
@@ -93,17 +130,55 @@ class Frames:
                     hand=hand,
                     unit="m",
                     order="handtrack",
-                    stamps=Stamps(np.array(times, np.int64), "stamp", "ns"),
+                    stamps=Stamps(times, "stamp", "ns"),
                 )
             )
         return raws
+
+    def _placed(self, name: str, times: Ints, moving: dict[str, _Told], path: Path) -> Array:
+        """(n, 3) where a frame's origin is in the frame above all others at some times."""
+        places = np.zeros((len(times), 3))
+        waiting = [(name, np.arange(len(times)), 0)]
+        while waiting:
+            frame, rows, depth = waiting.pop()
+            if depth > _DEEPEST:
+                raise InputError(
+                    f"frame {shown(name, 40)} has more than {_DEEPEST} frames above it", path
+                )
+            poses, above, there = self._latest(frame, times[rows], moving)
+            rows = rows[there]
+            if depth:
+                turned = np.einsum("nij,nj->ni", turns_of(poses), places[rows])
+            else:  # of the origin
+                turned = np.where(turnable(poses)[:, None], 0.0, np.nan)
+            places[rows] = turned + poses[:, :3]
+            for parent in np.unique(above).tolist():
+                waiting.append((self._parents[parent], rows[above == parent], depth + 1))
+        return places
+
+    def _latest(
+        self, name: str, times: Ints, moving: dict[str, _Told]
+    ) -> tuple[Array, Ints, NDArray[np.bool_]]:
+        """Where a frame was last, in which frame, and at which of the times it had been told."""
+        poses, above = np.empty((len(times), 7)), np.zeros(len(times), np.int64)
+        there = np.full(len(times), name in self._static)
+        if name in self._static:
+            poses[:], above[:] = self._static[name].poses[-1], self._static[name].above[-1]
+        if name in moving:
+            told = moving[name]
+            last = np.searchsorted(told.times, times, "right") - 1
+            known = last >= 0
+            if known.all():
+                return told.poses[last], told.above[last], known
+            poses[known], above[known] = told.poses[last[known]], told.above[last[known]]
+            there |= known
+        return poses[there], above[there], there
 
     def _check_names(self, hand: Hand | None, columns: dict[str, int], path: Path) -> None:
         """Refuse a hand of which most joints have names that are not understood."""
         if hand is None:
             return  # frames of anything may be there
-        names = {c for moment in self.moments.values() for c in moment}
-        alike = [*self.others, *sorted(names | set(self.static))]
+        alike = [*self.others, *sorted(self._moving.keys() | self._static.keys())]
         others = [n for n in alike if n not in columns and without_hand(words(n))[0] == hand]
         others = [n for n in others if joint_name(words(n)) is None]
         if len(others) > len(columns):
@@ -114,35 +189,53 @@ class Frames:
             )
 
 
-def together(
-    moments: dict[int, dict[str, Transform]], names: Set[str]
-) -> dict[int, dict[str, Transform]]:
-    """Moments in the order of time; where each tells of few of the names, as each joint has a
-    stamp of its own, those of one round are one, at the time of its last."""
-    times = sorted(moments)
-    of_names = [t for t in times if moments[t].keys() & names]
-    if sum(len(moments[t].keys() & names) for t in of_names) > len(of_names) * len(names) / 2:
-        return {t: moments[t] for t in times}
-    last: dict[str, int] = {}
-    steps = []
-    for time in of_names:
-        for name in moments[time].keys() & names:
-            if name in last:
-                steps.append(time - last[name])
-            last[name] = time
-    if not steps:
-        return {t: moments[t] for t in times}
-    longest = float(np.median(steps)) / 2
-    rounds: list[tuple[list[int], dict[str, Transform]]] = []
-    for time in times:
-        moment = moments[time]
-        begun = rounds and not rounds[-1][1].keys() & moment.keys() & names
-        if begun and time - rounds[-1][0][0] < longest:
-            rounds[-1][0].append(time)
-            rounds[-1][1].update(moment)
+def _stamped(stamps: Ints) -> NDArray[np.bool_]:
+    return np.asarray((stamps != 0) & (stamps != UNSTAMPED))
+
+
+def _in_order(told: list[_Told]) -> _Told:
+    """All that was told of a frame, by time, and of one time by message."""
+    numbers, times, above, poses = (np.concatenate(part) for part in zip(*told, strict=True))
+    if (np.diff(times) > 0).all():
+        return _Told(numbers, times, above, poses)
+    order = np.lexsort((numbers, times))
+    return _Told(numbers[order], times[order], above[order], poses[order])
+
+
+def _rows(moving: dict[str, _Told], names: Set[str]) -> tuple[Ints, dict[str, Ints]]:
+    """Times in order, and at which of them each of the names is told of; where most times tell
+    of few of the names, as each joint has a stamp of its own, those of one round are one, at the
+    time of its last."""
+    own = {name: np.unique(moving[name].times) for name in names if name in moving}
+    times = np.unique(np.concatenate([*own.values(), np.empty(0, np.int64)]))
+    if sum(map(len, own.values())) <= len(times) * len(names) / 2:
+        steps = np.concatenate([np.diff(t) for t in own.values()] or [np.empty(0)])
+        if len(steps):
+            return _rounds(moving, names, float(np.median(steps)) / 2)
+    empty = np.empty(0, np.int64)
+    return times, {n: np.searchsorted(times, own[n]) if n in own else empty for n in names}
+
+
+def _rounds(
+    moving: dict[str, _Told], names: Set[str], longest: float
+) -> tuple[Ints, dict[str, Ints]]:
+    """Times of rounds that are no longer, and in which of them each of the names is told of."""
+    moments: dict[int, set[str]] = {}
+    for name, told in moving.items():
+        for time in told.times.tolist():
+            moments.setdefault(time, set()).add(name)
+    rounds: list[tuple[int, int, set[str]]] = []
+    for time in sorted(moments):
+        said = moments[time]
+        begun = rounds and not rounds[-1][2] & said & names
+        if begun and time - rounds[-1][0] < longest:
+            rounds[-1] = (rounds[-1][0], time, rounds[-1][2] | said)
         else:
-            rounds.append(([time], dict(moment)))
-    return {times[-1]: moment for times, moment in rounds}
+            rounds.append((time, time, set(said)))
+    rounds = [r for r in rounds if r[2] & names]
+    times = np.array([last for _, last, _ in rounds], np.int64)
+    at = {n: [i for i, (_, _, said) in enumerate(rounds) if n in said] for n in names}
+    return times, {n: np.array(rows, np.int64) for n, rows in at.items()}
 
 
 def _by_hand(names: list[str]) -> dict[Hand | None, dict[str, int]]:
@@ -155,34 +248,6 @@ def _by_hand(names: list[str]) -> dict[Hand | None, dict[str, int]]:
         if columns is not None and not all(n.isdigit() for n in own):
             found[hand] = columns
     return found
-
-
-def _places(chains: list[list[Transform]]) -> Array:
-    """(n, 3) where frames' origins are in the frame above all others."""
-    out = np.zeros((len(chains), 3))
-    for part in blocks(len(chains)):
-        some = chains[part]
-        places = np.zeros((len(some), 3))
-        for level in range(max(map(len, some))):
-            rows = [i for i, chain in enumerate(some) if len(chain) > level]
-            poses = np.array([some[i][level].pose for i in rows])
-            turned = np.einsum("nij,nj->ni", turns_of(poses), places[rows])
-            places[rows] = turned + poses[:, :3]
-        out[part] = places
-    return out
-
-
-def _chain(name: str, frames: dict[str, Transform], path: Path) -> list[Transform]:
-    """The frames above a frame, from its own."""
-    chain: list[Transform] = []
-    at = name
-    for _ in range(_DEEPEST):
-        above = frames.get(at)
-        if above is None:
-            return chain
-        chain.append(above)
-        at = above.parent
-    raise InputError(f"frame {shown(name, 40)} has more than {_DEEPEST} frames above it", path)
 
 
 def columns_of(names: list[str]) -> dict[str, int] | None:

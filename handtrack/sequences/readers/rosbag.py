@@ -13,7 +13,7 @@ from typing import Any
 from handtrack.errors import InputError, shown
 from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.raw import NotJointsError, Raw
-from handtrack.sequences.readers.robot_logs import RobotLog, understood
+from handtrack.sequences.readers.robot_logs import Channel, RobotLog, understood
 
 BAG_MAGIC = b"#ROSBAG V2.0\n"
 SQLITE_MAGIC = b"SQLite format 3\0"
@@ -64,16 +64,13 @@ def read_bag(path: Path) -> list[Raw]:
         if not wanted:
             there = ", ".join(f"{c.topic} ({c.msgtype})" for c in reader.connections[:6])
             raise NotJointsError(f"no topic that may hold hands, there are {there}", path)
-        definitions = {c.id: _definition(c) for c in wanted}
+        channels: dict[int, Channel] = {}
         for connection, time, raw in reader.messages(connections=wanted):
-            log.add(
-                connection.topic,
-                time,
-                bytes(raw),
-                connection.msgtype,
-                _ROS1 if ros1 else "cdr",
-                definitions[connection.id],
-            )
+            if connection.id not in channels:
+                encoding, definition = _ROS1 if ros1 else "cdr", _definition(connection)
+                about = connection.topic, connection.msgtype, encoding, definition
+                channels[connection.id] = log.channel(*about)
+            channels[connection.id].add(time, bytes(raw))
     return log.check()
 
 

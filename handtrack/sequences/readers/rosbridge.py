@@ -18,14 +18,19 @@ from handtrack.sequences.clock import MAX_NS, UNIT_NS
 from handtrack.sequences.readers.raw import Array, Raw
 from handtrack.sequences.readers.record_places import Picked
 from handtrack.sequences.readers.records import read_records
-from handtrack.sequences.readers.robot_logs import RobotLog, side_in
+from handtrack.sequences.readers.robot_logs import RobotLog
 from handtrack.sequences.readers.robot_messages import (
     Marker,
     Message,
     Poses,
+    StampError,
     Transform,
     Transforms,
+    marked,
+    or_none,
+    stamps,
 )
+from handtrack.sequences.readers.robot_topics import side_in
 from handtrack.sequences.titles import time_unit
 
 _POINT = ("x", "y", "z")
@@ -70,6 +75,8 @@ def read_frames(values: list[Any], places: Items[str], path: Path) -> list[Raw]:
             continue
         try:
             message, stamp = _message(_content(value)), _stamp_of(value)
+        except StampError as error:
+            raise InputError(f"{places[i]}: {error}", path) from None
         except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
             raise InputError(f"{places[i]} is no message of poses", path) from None
         if message is None:
@@ -127,13 +134,9 @@ def _time_beside(value: dict[str, Any]) -> int:
 def _message(msg: dict[str, Any]) -> Message | None:
     """A message of places; None where it is another."""
     if isinstance(msg.get("markers"), list):
-        markers = tuple(map(_marker, msg["markers"]))
-        first = markers[0] if markers else None
-        stamp, frame = (first.stamp, first.frame) if first else (0, "")
-        return Poses(stamp or None, frame, np.empty((0, 3)), markers)
+        return marked([_marker(m) for m in msg["markers"]], 1)
     if "ns" in msg and "pose" in msg:
-        one = _marker(msg)
-        return Poses(one.stamp or None, one.frame, np.empty((0, 3)), (one,))
+        return marked([_marker(msg)], 1)
     if isinstance(msg.get("transforms"), list):
         return Transforms(tuple(map(_transform, msg["transforms"])))
     if "transform" in msg and "child_frame_id" in msg:
@@ -141,8 +144,8 @@ def _message(msg: dict[str, Any]) -> Message | None:
     if isinstance(msg.get("poses"), list) and all(map(_is_pose, msg["poses"])):
         # null, which is what JSON has for NaN, is NaN among floats
         several = [[p["position"][k] for k in _POINT] for p in msg["poses"]]
-        places = np.array(several, dtype=np.float64).reshape(-1, 3)
-        return Poses(_stamp(msg) or None, _frame(msg), places)
+        places = np.array(several, dtype=np.float64).reshape(1, -1, 3)
+        return Poses(or_none(stamps(_stamp(msg))), _frame(msg), places)
     pose = msg.get("pose")
     if isinstance(pose, dict) and isinstance(pose.get("pose"), dict):
         pose = pose["pose"]  # with its covariance
@@ -151,7 +154,7 @@ def _message(msg: dict[str, Any]) -> Message | None:
         point = dict(zip(_POINT, point, strict=True))
     if not isinstance(point, dict):
         return None
-    return Poses(_stamp(msg) or None, _frame(msg), _point(point)[None])
+    return Poses(or_none(stamps(_stamp(msg))), _frame(msg), _point(point)[None, None])
 
 
 def _is_pose(value: Any) -> bool:
@@ -170,19 +173,19 @@ def _pose(given: dict[str, Any], place: str = "position", turn: str = "orientati
 
 def _transform(given: dict[str, Any]) -> Transform:
     pose = _pose(given["transform"], "translation", "rotation")
-    return Transform(_stamp(given), _frame(given), str(given["child_frame_id"]), pose)
+    return Transform(stamps(_stamp(given)), _frame(given), str(given["child_frame_id"]), pose[None])
 
 
 def _marker(given: dict[str, Any]) -> Marker:
-    points = np.array([_point(p) for p in given.get("points") or ()]).reshape(-1, 3)
+    points = np.array([_point(p) for p in given.get("points") or ()]).reshape(1, -1, 3)
     return Marker(
-        _stamp(given),
+        or_none(stamps(_stamp(given))),
         _frame(given),
         str(given.get("ns", "")),
         int(given.get("id", 0)),
         int(given.get("type", 0)),
         int(given.get("action", 0)),
-        _pose(given["pose"]),
+        _pose(given["pose"])[None],
         points,
         str(given.get("text", "")),
     )
