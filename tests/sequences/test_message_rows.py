@@ -15,7 +15,6 @@ from handtrack.hand.skeleton import JOINT_NAMES
 from handtrack.sequences.readers.message_rows import NoMessageError, Rows, by_layout
 from tools.make.robot_logs import (
     HUMBLE,
-    Topics,
     foxglove_frames,
     marker_array,
     pose_array,
