@@ -21,7 +21,7 @@ _PARTS = (
     (
         (
             *("kalman", "filter", "motion_noise", "joint_noise", "motion_evidence"),
-            *("measurement", "pose_information.information"),
+            *("measurement", "one_euro", "pose_information.information"),
         ),
         "the filter",
         15,

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.hand.model import HandModel
-from handtrack.hand.rotations import matrix_to_quaternion, matrix_to_vector, vector_to_matrix
 from handtrack.hand.skeleton import N_ANGLES
-from handtrack.kernels.workspace import RESULT, unfitted
+from handtrack.kernels.one_euro import STATE, steady_frames
+from handtrack.kernels.workspace import unfitted
 from handtrack.tracking.filter_input import Frames
-from handtrack.tracking.kalman import Steadied
-from handtrack.tracking.process_noise import N_POSE
+from handtrack.tracking.kalman import Steadied, none_final
 
 Array = NDArray[np.float64]
 
@@ -37,78 +36,37 @@ class OneEuroFilter:
         model: the hand.
         coast_s: how long to hold a pose where nothing is fitted [s].
         """
-        self._model, self._coast_ns = model, int(coast_s * 1e9)
+        limits = model.limits
+        self._skeleton = model.rest_joints, model.axes, model.thumb_twist
+        self._limits = limits.lower, limits.upper
+        self._coast_ns = int(coast_s * 1e9)
         self.reset()
 
     def reset(self) -> None:
         """Forget everything."""
-        self._known = False
-        self._fitted_ns = 0
-        self._raw: np.void
-        self._row: np.void
-        self._raw = self._row = np.zeros(1, RESULT)[0]
-        self._speed = np.zeros(N_POSE)
+        self._state = np.zeros(1, STATE)
 
     def advance(self, frames: Frames) -> Steadied:
         """As `KalmanFilter.advance`."""
-        times_ns, raw = frames.times_ns, frames.raw
-        out, known = unfitted(len(raw)), np.zeros(len(raw), dtype=np.bool_)
-        for t, row in enumerate(raw):
-            since = int(times_ns[t]) - self._fitted_ns
-            if self._known and since > self._coast_ns:
-                self._known = False
-            if row["anew"]:
-                self._known = False
-            if not np.isnan(row["noise"]):
-                self._take(row, since * 1e-9)
-                self._fitted_ns = int(times_ns[t])
-            if self._known:
-                out[t], known[t] = self._row, True
+        out, known = unfitted(len(frames.raw)), np.zeros(len(frames.raw), dtype=np.bool_)
+        steady_frames(
+            self._state,
+            self._skeleton,
+            self._limits,
+            (CUTOFF, BETA, SPEED_CUTOFF),
+            self._coast_ns,
+            frames.times_ns,
+            frames.raw,
+            out,
+            known,
+        )
         return out, known
 
     def finish(self) -> Steadied:
         """As `KalmanFilter.finish`."""
         self.reset()
-        return np.empty(0, RESULT), np.empty(0, dtype=np.bool_)
+        return none_final()
 
     def rest(self) -> Iterator[Steadied]:
         """As `KalmanFilter.rest`."""
         yield self.finish()
-
-    def _take(self, row: np.void, dt: float) -> None:
-        if not self._known:
-            self._raw, self._row = row.copy(), row.copy()
-            # it knows nothing of how near it is: the raw fit's variances stand
-            self._row["variance"] = np.nan
-            self._speed = np.zeros(N_POSE)
-            self._known = True
-            return
-        speed = _step(self._raw, row) / dt
-        self._speed += _share(SPEED_CUTOFF, dt) * (speed - self._speed)
-        share = _share(CUTOFF + BETA * np.abs(self._speed), dt)
-        step = share * _step(self._row, row)
-        new = self._row.copy()
-        angles, turn, shift = _pose(new)
-        new["angles"] = self._model.limits.clamp(angles + step[:N_ANGLES])
-        turn[:] = vector_to_matrix(step[N_ANGLES : N_ANGLES + 3]) @ turn
-        shift += step[N_ANGLES + 3 :]
-        new["quaternion"] = matrix_to_quaternion(turn)
-        new["joints"] = self._model.joints(angles, turn, shift)
-        self._raw, self._row = row.copy(), new
-
-
-def _pose(row: np.void) -> tuple[Array, Array, Array]:
-    """Angles, rotation and translation of a row, as views."""
-    root = row["root"]
-    return row["angles"], root[:9].reshape(3, 3), root[9:]
-
-
-def _step(before: np.void, after: np.void) -> Array:
-    """(26,) from one row's pose to another's: angles, turn of the world on the left, shift."""
-    (angles, turn, shift), (angles_2, turn_2, shift_2) = _pose(before), _pose(after)
-    return np.concatenate([angles_2 - angles, matrix_to_vector(turn_2 @ turn.T), shift_2 - shift])
-
-
-def _share(cutoff: Array | float, dt: float) -> Array:
-    """What a new sample makes up in exponential smoothing: 1 / (1 + tau / dt)."""
-    return np.asarray(1.0 / (1.0 + 1.0 / (2.0 * np.pi * np.asarray(cutoff) * dt)))

@@ -8,7 +8,6 @@ import numpy as np
 from filter_cases import FRAME_NS, MODEL, frames_of, moving, steady
 from scipy.spatial.transform import Rotation
 
-from handtrack.kernels.workspace import RESULT
 from handtrack.tracking import one_euro
 from handtrack.tracking.filters import make_filter
 
@@ -95,16 +94,3 @@ def test_a_pose_is_held_for_the_coast_and_begins_anew_after_it():
     frames.raw["anew"][25] = 1
     out, _ = run(frames, coast_s)
     np.testing.assert_array_equal(out["angles"][25], frames.raw["angles"][25])
-
-
-def test_a_step_between_poses_turns_the_world_whatever_the_rotations():
-    rng = np.random.default_rng(8)
-    for _ in range(20):
-        rows, turns = np.zeros(2, RESULT), Rotation.random(2, rng=rng)
-        rows["angles"], shifts = rng.normal(size=(2, 20)), rng.normal(size=(2, 3))
-        rows["root"] = np.concatenate([turns.as_matrix().reshape(2, 9), shifts], 1)
-        d = one_euro._step(rows[0], rows[1])
-        np.testing.assert_allclose(d[:20], rows["angles"][1] - rows["angles"][0])
-        turned = Rotation.from_rotvec(d[20:23]) * turns[0]
-        np.testing.assert_allclose(turned.as_matrix(), turns[1].as_matrix(), atol=1e-9)
-        np.testing.assert_allclose(shifts[0] + d[23:], shifts[1])
