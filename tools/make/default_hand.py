@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from handtrack.hand.axes import local_axes
 from handtrack.hand.skeleton import FINGERS, N_ANGLES, N_JOINTS, N_PARTS
 from tools.make.hand_fields import smoothstep
 from tools.make.hand_mesh import Mesh, build_mesh
@@ -47,8 +48,6 @@ PALM: dict[str, tuple[tuple[float, float, float], tuple[float, float], float, fl
 }
 THUMB_BASE = (24.0, 22.0, -10.0)
 THUMB_DIRECTION = (0.72, 0.58, -0.38)
-THUMB_PALMAR = (-0.10, -0.75, -0.65)
-"""The way the thumb flexes: towards the palm and the little finger."""
 
 
 def _unit(v: object) -> Array:
@@ -74,7 +73,7 @@ def make_skeleton() -> tuple[Array, Array, Array]:
         bones = BONES_MM[finger]
         k = 1 + 4 * i
         if finger == "thumb":
-            joints[k], x, palmar = THUMB_BASE, _unit(THUMB_DIRECTION), _unit(THUMB_PALMAR)
+            joints[k], x, palmar = THUMB_BASE, _unit(THUMB_DIRECTION), np.array([0, 0, -1.0])
             lengths: tuple[float, ...] = (*bones[:2], bones[2] + bones[3])
         else:
             base, metacarpal, direction, lean = PALM[finger]
@@ -86,6 +85,8 @@ def make_skeleton() -> tuple[Array, Array, Array]:
         palmar = _unit(palmar - x * (palmar @ x))
         hinge = np.cross(x, palmar)
         axes[4 * i : 4 * i + 4] = [hinge, -palmar, hinge, hinge]
+    # the thumb bends across the palm, as that of every other hand does that brings no axes
+    axes[:4] = local_axes(joints, "right")[:4]
     return joints, axes, bases
 
 

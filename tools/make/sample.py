@@ -42,29 +42,29 @@ _CURLED: Pose = {
     "little": (60.0, -5.5, 90.0, 56.0),
 }
 _OPEN: Pose = {
-    "thumb": (-8.0, 16.0, 6.0, 6.0),
+    "thumb": (-15.0, 10.0, 3.0, 3.0),
     "index": (2.0, 7.0, 4.0, 3.0),
     "middle": (3.0, 0.0, 4.0, 3.0),
     "ring": (3.0, -5.0, 5.0, 4.0),
     "little": (2.0, -8.0, 6.0, 4.0),
 }
 _RELAXED: Pose = {
-    "thumb": (2.0, 4.0, 16.0, 14.0),
+    "thumb": (-3.0, 13.0, 14.0, 15.0),
     "index": (18.0, 2.0, 24.0, 12.0),
     "middle": (22.0, 0.0, 28.0, 14.0),
     "ring": (25.0, -2.0, 31.0, 15.0),
     "little": (27.0, -4.0, 32.0, 16.0),
 }
-_FIST: Pose = {"thumb": (-4.0, -18.0, 36.0, 48.0), **_CURLED}
+_FIST: Pose = {"thumb": (-1.0, 7.0, 40.0, 43.0), **_CURLED}
 _PINCH: Pose = {
-    "thumb": (12.0, -9.0, 27.0, 28.0),
+    "thumb": (10.0, 16.0, 26.0, 28.0),
     "index": (54.0, 5.0, 48.0, 29.0),
     "middle": (30.0, 0.0, 28.0, 15.0),
     "ring": (22.0, -3.0, 23.0, 12.0),
     "little": (15.0, -6.0, 20.0, 11.0),
 }
 _PINCH_OPEN: Pose = {
-    "thumb": (2.0, 2.0, 15.0, 12.0),
+    "thumb": (-2.0, 10.0, 13.0, 13.0),
     "index": (32.0, 4.0, 30.0, 18.0),
     "middle": (25.0, 0.0, 25.0, 14.0),
     "ring": (20.0, -3.0, 22.0, 12.0),
@@ -83,14 +83,14 @@ POSES: dict[str, Pose] = {
     "fist": _FIST,
     "pinch": _PINCH,
     "pinch_open": _PINCH_OPEN,
-    "release": {**_FIST, "thumb": (4.0, -4.0, 22.0, 24.0)},
-    "one": _counted((-2.0, -25.0, 35.0, 34.0), "index"),
-    "two": _counted((6.0, -25.0, 38.0, 68.0), "index", "middle"),
-    "three": _counted((6.0, -25.0, 55.0, 60.0), "index", "middle", "ring"),
-    "four": _counted((5.0, -25.0, 68.0, 66.0), "index", "middle", "ring", "little"),
+    "release": {**_FIST, "thumb": (1.0, 12.0, 22.0, 23.0)},
+    "one": _counted((8.0, 0.0, 33.0, 35.0), "index"),
+    "two": _counted((6.0, 12.0, 50.0, 53.0), "index", "middle"),
+    "three": _counted((7.0, 21.0, 56.0, 59.0), "index", "middle", "ring"),
+    "four": _counted((8.0, 26.0, 58.0, 78.0), "index", "middle", "ring", "little"),
     "five": _OPEN,
     "flat": {
-        "thumb": (-2.0, 6.0, 8.0, 8.0),
+        "thumb": (-6.0, 7.0, 6.0, 7.0),
         "index": (4.0, 2.0, 5.0, 4.0),
         "middle": (4.0, 0.0, 5.0, 4.0),
         "ring": (4.0, -2.0, 6.0, 4.0),
