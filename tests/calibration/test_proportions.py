@@ -103,7 +103,7 @@ def test_a_clean_motion_gives_the_hand(hand):
         assert palm_error(prior.scaled(found.scale), subject) > 1e-3
 
 
-@pytest.mark.parametrize(("noise", "limit"), [(0.002, 0.0005), (0.005, 0.0015)])
+@pytest.mark.parametrize(("noise", "limit"), [(0.002, 0.0006), (0.005, 0.0015)])
 def test_a_noisy_motion_gives_the_hand_without_the_noises_length(noise, limit):
     for seed in range(3):
         subject, seq = moving(noise=noise, seed=seed)

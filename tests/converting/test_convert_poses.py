@@ -38,7 +38,7 @@ def test_mano_parameters_are_read_back(tmp_path: Path) -> None:
         assert arrays["global_orient"].shape == arrays["transl"].shape == (40, 3)
         assert arrays["flat_hand_mean"]
     assert made.loss.max_mm < 1  # limits and the fit, not the format
-    other = moving()
+    other = dataclasses.replace(moving(), joints=1.1 * moving().joints)
     (far,) = ht.convert(
         [other], tmp_path / "y.npz", "mano", models=lambda _: (model, "none"), mano=folder
     )

@@ -151,7 +151,7 @@ def residual_gradient(model: HandModel, found, joints, weights) -> tuple[np.ndar
 @pytest.mark.parametrize("preset", PRESETS)
 def test_nothing_inside_the_limits_goes_downhill_from_the_fit(preset, sigma, n):
     rng = np.random.default_rng(8)
-    held = 0
+    held = unfinished = 0
     for i, hand in enumerate(HANDS * (n // 2)):
         model = HandModel.default(hand, preset)
         joints = some_poses(model, 1, sigma, seed=i).joints[0]
@@ -165,8 +165,12 @@ def test_nothing_inside_the_limits_goes_downhill_from_the_fit(preset, sigma, n):
         assert (np.abs(g[20:]) < 1e-4 * scale[20:]).all()
         length = np.linalg.norm(h[:20, :20], 2)
         back = model.limits.clamp(found.angles - g[:20] / length)
-        assert np.abs(length * (back - found.angles)).max() < 1e-4 * scale[:20].max()
+        left = np.abs(length * (back - found.angles)).max() / scale[:20].max()
+        # a fit that says that it ran out of sweeps may be a little before its end
+        assert left < (1e-4 if found.status == "converged" else 2e-3)
+        unfinished += left > 1e-4
         held += np.abs(g[:20]).max() > 1e-2 * scale[:20].max()
+    assert unfinished <= 2
     assert held > n // 3  # limits were at work
 
 
