@@ -103,16 +103,20 @@ def test_a_clean_motion_gives_the_hand(hand):
         assert palm_error(prior.scaled(found.scale), subject) > 1e-3
 
 
-@pytest.mark.parametrize(("noise", "limit"), [(0.002, 0.0006), (0.005, 0.0015)])
-def test_a_noisy_motion_gives_the_hand_without_the_noises_length(noise, limit):
+@pytest.mark.parametrize("noise", [0.002, 0.005])
+def test_a_noisy_motion_gives_the_hand_without_the_noises_length(noise):
+    """Bounds are shares of the noise: of 300 frames a bone's error is a tenth of it."""
+    errors = []
     for seed in range(3):
         subject, seq = moving(noise=noise, seed=seed)
         found = calibrate(HandModel.default(), seq)
         assert found.noise == pytest.approx(noise, rel=0.05, abs=0)
-        error = (found.model.bone_lengths - subject.bone_lengths)[FINGER_BONES]
-        assert np.abs(error).max() < limit
-        assert abs(error.mean()) < 0.2 * limit  # noise makes bones no longer on average
-        assert palm_error(found.model, subject) < limit
+        errors.append((found.model.bone_lengths - subject.bone_lengths)[FINGER_BONES])
+        assert palm_error(found.model, subject) < 0.25 * noise
+    spread = np.sqrt(np.mean(np.square(errors)))
+    assert spread < 0.13 * noise
+    assert np.abs(errors).max() < 4 * spread  # no bone apart from the others
+    assert (np.abs(np.mean(errors, axis=1)) < 0.05 * noise).all()  # no longer on average
 
 
 def test_what_is_not_measured_stays_the_priors():

@@ -171,7 +171,7 @@ def test_a_wrong_basin_is_left():
     model = ht.HandModel.default()
     limits, rng = model.limits, np.random.default_rng(3)
     stuck = left = 0
-    for _ in range(2000):
+    for _ in range(6000):
         angles = limits.clamp(rng.uniform(limits.lower, limits.upper, (2, 20)))
         axis = rng.normal(size=3)
         turn = about_axis(axis / np.linalg.norm(axis), np.array(rng.uniform(0.0, np.pi)))
@@ -187,8 +187,9 @@ def test_a_wrong_basin_is_left():
             left += 1
             assert frame.restart
             assert frame.reason.startswith("another pose fits better: found anew")
-    assert stuck >= 5
-    assert left == stuck
+        if stuck == 5:
+            break
+    assert left == stuck == 5
 
 
 @pytest.mark.parametrize("filter", ["none", "kalman"])
@@ -271,15 +272,16 @@ def test_the_outliers_found_are_those_that_were_made(sample):
 
 @pytest.mark.parametrize("filter", ["none", "kalman"])
 def test_real_jumps(filter, shared_data):
-    """No jump of the hand above 5.5 cm between frames that are fitted, and reasons for all.
-
-    Where it jumps by 5.2 cm two knuckles jump by 7 and 9, and wrist and thumb are not seen.
-    """
+    """Between fitted frames the hand jumps by 5 cm only with the joints seen; reasons for all."""
     for sequence in ht.repair_identity(ht.load(shared_data / "ego_mcap", hand="swap")):
         track = ht.track(sequence, calibrate="proportions", filter=filter)
         both = (track.status[1:] == "fitted") & (track.status[:-1] == "fitted")
+        seen = np.linalg.norm(np.diff(sequence.joints, axis=0), axis=-1)
+        most = np.nan_to_num(seen).max(1)
         for shift in (track.translation_raw, track.translation):
-            assert np.linalg.norm(np.diff(shift, axis=0), axis=1)[both].max() < 0.055
+            step = np.linalg.norm(np.diff(shift, axis=0), axis=1)
+            assert (step < np.maximum(0.05, most))[both].all()
+            assert (step[both] > 0.05).sum() <= 1
         assert ((track.status == "fitted") | (track.reason != "")).all()
         used = sequence.present.any(1)
         assert (track.status[used] == "fitted").mean() > 0.9
