@@ -38,13 +38,17 @@ def filesystem(place: str) -> tuple[Any, str]:
     """fsspec's file system of a URL, and the path in it.
 
     Raises:
-        SettingsError: what it needs is not installed.
-        StoreError: it is no URL of a store.
+        SettingsError: what it needs is not installed, or it is no URL of a store.
+        StoreError: the store cannot be opened.
     """
     fsspec = needed("fsspec")
     scheme = place.partition("://")[0]
     if scheme in ("s3", "gs"):
         needed("s3fs" if scheme == "s3" else "gcsfs")
+    known = fsspec.available_protocols()
+    if scheme not in known and scheme.partition("::")[0] not in known:
+        usual = "s3://, gs://, memory://, http://"
+        raise SettingsError(f"{place}: {scheme}:// is unknown, expected one such as {usual}")
     try:
         fs, path = fsspec.core.url_to_fs(place)
     except (ValueError, ImportError) as error:

@@ -5,6 +5,7 @@ Each command stands in the module of its name, as a click command of that name.
 
 from __future__ import annotations
 
+import errno
 import gc
 import importlib
 import os
@@ -19,10 +20,12 @@ from handtrack.cli.commands import COMMANDS as COMMANDS
 from handtrack.cli.helping import pointing_to_help, suggestion
 from handtrack.cli.progress import begin
 from handtrack.cli.streams import INTERRUPTED, NOT_READ, STOPPED, stopping, usable_streams
-from handtrack.errors import HandtrackError, InputError, ModelError, SettingsError
+from handtrack.errors import HandtrackError, InputError, ModelError, SettingsError, shown
 
 _COLLECT_EVERY = 50_000
 """Objects made before the youngest are looked through."""
+NO_NAME = (errno.ENAMETOOLONG, errno.ELOOP)
+"""What the system says of names that no file can have: the argument is wrong, not the job."""
 
 
 def main() -> None:
@@ -59,8 +62,8 @@ def run(arguments: list[str]) -> int:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return NOT_READ
         except OSError as error:
-            name = f"{error.filename}: " if error.filename else ""
-            return _failed(f"{name}{error.strerror or error}", 1)
+            name = f"{shown(error.filename)}: " if error.filename else ""
+            return _failed(f"{name}{error.strerror or error}", 2 if error.errno in NO_NAME else 1)
         except (click.Abort, KeyboardInterrupt):
             click.echo("stopped", err=True)
             return INTERRUPTED

@@ -67,10 +67,11 @@ def save_config(context: click.Context) -> None:
     lines = [f"[{context.info_name}]"]
     for param in context.command.params:
         name = param.name or ""
-        given = isinstance(param, click.Option) and name not in _NEVER
-        if given and context.get_parameter_source(name) not in default and name in context.params:
+        if not isinstance(param, click.Option) or name in _NEVER:
+            continue
+        if context.get_parameter_source(name) not in default and name in context.params:
             value = _toml(context.params[name])
-            lines += [f"{name.replace('_', '-')} = {value}"] if value else []
+            lines += [f"{_long(param)} = {value}"] if value else []
     path.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(path) as part:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -106,6 +107,7 @@ def _take(context: click.Context, option: click.Parameter, value: Path | None) -
             return
     options = _options(table, context, path)
     if options:
+        _check(options, context, path)
         context.default_map = options
         plain = {n: v for n, v in options.items() if isinstance(v, str | int | float | bool | list)}
         context.meta[_USED] = {"file": str(path), "options": plain}
@@ -137,7 +139,7 @@ def _options(table: dict[str, Any], context: click.Context, path: Path) -> dict[
     found = {}
     for name, value in shared.items():
         if name.replace("-", "_") in own:
-            found[name.replace("-", "_")] = value
+            found[own[name.replace("-", "_")]] = value
         elif not any(name.replace("-", "_") in _names(each) for each in _all_commands(context)):
             raise SettingsError(f"{path}: {name} is an option of no command")
     for name, value in table.get(command, {}).items():
@@ -145,14 +147,40 @@ def _options(table: dict[str, Any], context: click.Context, path: Path) -> dict[
         if plain not in own:
             close = _close(plain, tuple(own))
             raise SettingsError(f"{path}: [{command}] {name}: no such option of {command}{close}")
-        found[plain] = value
+        found[own[plain]] = value
     return found
 
 
-def _names(command: click.Command) -> set[str]:
-    """The options that a file may say, by the names of their values."""
-    options = (p for p in command.params if isinstance(p, click.Option))
-    return {name for p in options if (name := p.name or "") not in _NEVER}
+def _check(options: dict[str, Any], context: click.Context, path: Path) -> None:
+    """Refuse a value that its option cannot have, while it is known which file says it.
+
+    Raises:
+        SettingsError: there is one.
+    """
+    for param in context.command.params:
+        name = param.name or ""
+        if name not in options or not isinstance(param, click.Option):
+            continue
+        value, many = options[name], param.multiple or param.nargs != 1
+        try:
+            if isinstance(value, list) != many or isinstance(value, dict):
+                expected = "a list" if many else "one value"
+                raise click.BadParameter(f"{json.dumps(value, default=str)}: expected {expected}")
+            param.type_cast_value(context, value)
+        except click.BadParameter as error:
+            raise SettingsError(f"{path}: {_long(param)}: {error.message}") from None
+
+
+def _names(command: click.Command) -> dict[str, str]:
+    """The names of the values of the options that a file may say, by these and by the options'."""
+    options = [p for p in command.params if isinstance(p, click.Option) and p.name not in _NEVER]
+    found = {_long(option).replace("-", "_"): option.name or "" for option in options}
+    return {option.name or "": option.name or "" for option in options} | found
+
+
+def _long(option: click.Option) -> str:
+    """The option as people type it, without its dashes."""
+    return max(option.opts, key=len).lstrip("-")
 
 
 def _all_commands(context: click.Context) -> list[click.Command]:

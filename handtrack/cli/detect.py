@@ -58,10 +58,10 @@ def detect(
     from handtrack.video.detections import detect as find
     from handtrack.video.media import count
 
+    total = count(input)
     output = output or Path(f"{input.resolve().stem}.npz")
     check_target(output, ".npz", "-o", [input])
     span = Reading(frames=frames).frame_range
-    total = count(input)
     if span is not None:
         total = max(min(total, span[1] + 1) - span[0], 1)
     with progress_shown(total, quiet or as_json, "detecting") as progress:

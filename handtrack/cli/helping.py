@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from difflib import get_close_matches
 from typing import Any
 
@@ -117,6 +118,24 @@ class Command(click.Command):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self.params += config_options()
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        given = list(args)
+        if "" in given:
+            after = given[given.index("") - 1] if given[0] else "the command"
+            ctx.fail(f"what follows {after} is empty: is a variable of the shell not set?")
+        if "-" in given:
+            ctx.fail("- is no file here: `handtrack live --stdin` reads joints from a pipe")
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            named = [a for a in given if a.startswith("-") and os.path.exists(a)]
+            if named:
+                error.message += f" ./{named[0]} means the file"
+            raise
+        except click.UsageError as error:
+            error.ctx = error.ctx or ctx
+            raise
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         # newer versions of click tell of arguments here, too, which the text above does

@@ -111,6 +111,12 @@ def live(
             "--publish-format protobuf: a State does not name its hand, say --hand left or"
             " --hand right"
         )
+    if no_view and connect is not None:
+        raise SettingsError("--no-view opens no viewer and --connect sends to one: choose one")
+    if video is not None:
+        from handtrack.video.media import count
+
+        count(video)
     if output is None:
         output = _free_name()
     check_target(output, ".mcap", "-o")

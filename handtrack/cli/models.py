@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from handtrack.cli.options import is_default
 from handtrack.errors import InputError, SettingsError
 
 if TYPE_CHECKING:
@@ -60,7 +61,17 @@ def mano_options(command: _Command) -> _Command:
 
 
 def take_models(options: dict[str, Any], limits: str) -> Models:
-    """Take the values of `model_options` out of a command's options."""
+    """Take the values of `model_options` out of a command's options.
+
+    Raises:
+        SettingsError: two hands, tips of no hand, or a file that is not there.
+    """
+    if options["mano"] is None and not is_default("mano_tips"):
+        raise SettingsError("--mano-tips are of --mano: give both")
+    for name in ("hand_model", "mano", "gltf"):
+        path = options.get(name)
+        if path is not None and not path.exists():
+            raise InputError("no such file or folder", path)
     names = ("mano", "mano_tips", "gltf")
     return Models(limits, options.pop("hand_model", None), **{n: options.pop(n) for n in names})
 

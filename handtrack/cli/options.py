@@ -68,7 +68,7 @@ def take_recording(options: dict[str, Any]) -> RecordingSettings:
 
     taken = {name: options.pop(name) for name in ("mesh", "compression", "foxglove_mesh")}
     if options.pop("no_mesh"):
-        if taken["mesh"] not in ("full", "none"):
+        if taken["mesh"] != "none" and not is_default("mesh"):
             raise SettingsError(f"--no-mesh and --mesh {taken['mesh']}: choose one")
         taken["mesh"] = "none"
     return RecordingSettings.of(**taken)

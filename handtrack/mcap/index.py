@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
-from handtrack.mcap.walk import MAGIC, RECORD, Place, Walk, opened
+from handtrack.mcap.walk import MAGIC, NOT_MCAP, RECORD, Place, Walk, opened
 
 if TYPE_CHECKING:
     from mcap.records import Channel, Statistics
@@ -84,7 +84,7 @@ def read_index(path: Path) -> McapIndex | None:
         size = stream.seek(0, 2)
         stream.seek(0)
         if stream.read(len(MAGIC)) != MAGIC:
-            raise InputError("not an MCAP file" if size else "the file is empty", path)
+            raise InputError(NOT_MCAP if size else "the file is empty", path)
         end = _FOOTER.size + len(MAGIC)
         if size < len(MAGIC) + end:
             return None

@@ -22,6 +22,7 @@ from handtrack.errors import InputError
 if TYPE_CHECKING:
     from mcap.records import Channel, Schema
 
+NOT_MCAP = "not an MCAP file; `handtrack track` makes recordings"
 MOST_BYTES = 1 << 30
 """A chunk that claims more is not opened; ours hold a quarter of a mebibyte."""
 
@@ -247,7 +248,7 @@ class Walk:
         if not self.position:
             start = stream.read(len(MAGIC))
             if start != MAGIC:
-                raise InputError("not an MCAP file" if size else "the file is empty", self.path)
+                raise InputError(NOT_MCAP if size else "the file is empty", self.path)
             self._crc, self.position = zlib.crc32(start), len(MAGIC)
         while self.position < size:
             head = stream.read(RECORD.size)

@@ -62,9 +62,7 @@ def pictures(path: Path, fps: float | None = None) -> Iterator[Picture]:
         SettingsError: the extra `video` is not installed, or an fps that is none.
     """
     check_fps(fps)
-    what = pictures_in(path)
-    if what is None:
-        raise InputError("neither a video nor an image nor a folder of images", path)
+    what = _what(path)
     if what == "video":
         yield from _video(path, fps)
         return
@@ -73,9 +71,23 @@ def pictures(path: Path, fps: float | None = None) -> Iterator[Picture]:
         yield Picture(i, round(i / (fps or IMAGE_FPS) * 1e9), read_image(file), file)
 
 
-def count(path: Path) -> int:
-    """About how many frames there are; 0 where the file does not say."""
+def _what(path: Path) -> str:
     what = pictures_in(path)
+    if what is None:
+        missing = "no such file or folder"
+        none = "neither a video nor an image nor a folder of images"
+        raise InputError(none if path.exists() else missing, path)
+    return what
+
+
+def count(path: Path) -> int:
+    """About how many frames there are; 0 where the file does not say.
+
+    Raises:
+        InputError: not a picture, or damaged.
+        SettingsError: the extra `video` is not installed.
+    """
+    what = _what(path)
     if what == "images":
         return len(images_in(path))
     if what == "image":

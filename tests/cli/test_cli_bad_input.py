@@ -39,6 +39,7 @@ def bad(made, elsewhere):
     Path("other.json").write_text('{"hello": "world"}')
     Path("nothing.json").write_text("")
     Path("words.txt").write_text("hello\nworld\n")
+    Path("-dash.txt").write_text("hello\n")
     cut(made.short, "cut.npz")
     cut(made.archive, "cut.tar.gz")
     cut(made.recording, "cut.mcap")
@@ -56,6 +57,34 @@ def bad(made, elsewhere):
 SHORT, RECORDING = "<short>", "<recording>"
 
 BAD = {
+    "empty output": (["track", SHORT, "-o", ""], "what follows -o is empty: is a variable of"),
+    "empty input": (["track", "", "-o", "a.mcap"], "what follows the command is empty"),
+    "a dash": (["track", "-", "-o", "a.mcap"], "`handtrack live --stdin` reads joints from"),
+    "a dash to write to": (["track", SHORT, "-o", "-"], "- is no file here"),
+    "a name with a dash": (["track", "-dash.txt", "-o", "a.mcap"], "./-dash.txt means the file"),
+    "no value": (["track", SHORT, "--filter"], "`handtrack track --help` tells more"),
+    "a long name": (["track", SHORT, "-o", f"{'x' * 300}.mcap"], "File name too long"),
+    "a long input": (["info", "x" * 300], "File name too long"),
+    "skin and none": (
+        ["track", SHORT, "-o", "a.mcap", "--mesh", "full", "--no-mesh"],
+        "--no-mesh and --mesh full: choose one",
+    ),
+    "tips of no MANO": (
+        ["track", SHORT, "-o", "a.mcap", "--mano-tips", "manopth"],
+        "--mano-tips are of --mano: give both",
+    ),
+    "no hand to batch": (
+        ["batch", SHORT, "-o", "out", "--hand-model", "no.json"],
+        "no.json: no such file or folder",
+    ),
+    "shown and not": (
+        ["live", "--stdin", "--no-view", "--connect", "127.0.0.1:9876"],
+        "--no-view opens no viewer and --connect sends to one: choose one",
+    ),
+    "a companion of nothing": (
+        ["track", SHORT, "-o", "a.mcap", "--markers", "words.txt"],
+        "nothing in it takes --markers",
+    ),
     "missing file": (["track", "no.npz"], "no.npz: no such file or folder"),
     "empty folder": (["track", "empty"], "empty: no joint sequence found"),
     "wrong JSON": (["track", "wrong.json"], "wrong.json: wrong JSON: "),

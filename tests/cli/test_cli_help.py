@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -123,6 +124,19 @@ def test_saved_options_give_the_same_again(call, clip):
     assert "run.toml is there already" in err
 
 
+def test_a_file_says_options_as_people_type_them(call, clip):
+    """Some values have other names inside: both are taken, so are files that were saved before."""
+    for name in ("json", "as-json"):
+        Path("run.toml").write_text(f"[track]\n{name} = true\n")
+        status, out, _ = call("track", clip, "-o", f"{name}.mcap", "--config", "run.toml")
+        assert (status, "sequences" in json.loads(out)) == (0, True)
+    assert call("track", clip, "-o", "c.mcap", "--json", "--save-config", "saved.toml")[0] == 0
+    assert Path("saved.toml").read_text() == '[track]\noutput = "c.mcap"\njson = true\n'
+    Path("run.toml").write_text('[batch]\nexport = "csv"\n')
+    status, _, err = call("batch", clip, "-o", "out", "--config", "run.toml")
+    assert (status, 'run.toml: export: "csv": expected a list' in err) == (2, True)
+
+
 def test_pyproject_is_read(call, clip):
     Path("pyproject.toml").write_text('[tool.handtrack]\nfilter = "kalman"\n')
     assert call("track", clip, "-o", "a.mcap", "-q")[0] == 0
@@ -139,7 +153,11 @@ def test_pyproject_is_read(call, clip):
         ("[track]\nfiltr = 'rts'", "run.toml: [track] filtr: no such option of track, did you"),
         ("[trak]\nfilter = 'rts'", "run.toml: [trak] is no command, did you mean track?"),
         ("colour = 'red'", "run.toml: colour is an option of no command"),
-        ("[track]\nfilter = 'wiener'", "'wiener' is not one of"),
+        ("[track]\nfilter = 'wiener'", "run.toml: filter: 'wiener' is not one of"),
+        ("[track]\nlag = 'two'", "run.toml: lag: 'two' is not a valid integer"),
+        ("[track]\nfps = [1, 2]", "run.toml: fps: [1, 2]: expected one value"),
+        ("[track]\nfps = {a = 1}", 'run.toml: fps: {"a": 1}: expected one value'),
+        ("[track]\nquiet = 'perhaps'", "run.toml: quiet: 'perhaps' is not a valid boolean"),
         ("[track]\noverwrite = true", "no such option of track"),
         ("[track", "run.toml: not valid TOML"),
         (None, "run.toml: No such file"),

@@ -83,7 +83,7 @@ def test_what_is_no_trajectory(tmp_path, right):
     with pytest.raises(HandtrackError, match="no such file"):
         ht.load(path, trajectory=tmp_path / "nothing.csv")
     np.savez(tmp_path / "a.npz", joints_m=right, hand="right")
-    with pytest.raises(HandtrackError, match="nothing in it takes a trajectory"):
+    with pytest.raises(HandtrackError, match="nothing in it takes --trajectory"):
         ht.load(tmp_path / "a.npz", trajectory=other)
 
 

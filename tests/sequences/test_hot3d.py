@@ -100,7 +100,7 @@ def test_profile_elsewhere_and_missing(tmp_path):
     assert sequence.hand == "right"
     with pytest.raises(HandtrackError, match="--profile"):
         ht.load(path, profile=tmp_path / "nothing.json")
-    with pytest.raises(SettingsError, match="nothing in it takes a trajectory"):
+    with pytest.raises(SettingsError, match="nothing in it takes --trajectory"):
         ht.load(path, profile=hand, trajectory=hand)
 
 

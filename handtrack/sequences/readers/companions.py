@@ -61,4 +61,4 @@ def check_taken(pending: list[Pending], companions: Companions, path: Path) -> N
     taken = {one.takes for one in pending}
     for field in fields(companions):
         if getattr(companions, field.name) is not None and field.name not in taken:
-            raise SettingsError(f"{path}: nothing in it takes a {field.name} (--{field.name})")
+            raise SettingsError(f"{path}: nothing in it takes --{field.name}")
