@@ -131,7 +131,7 @@ class Command(click.Command):
         except click.NoSuchOption as error:
             named = [a for a in given if a.startswith("-") and os.path.exists(a)]
             if named:
-                error.message += f" ./{named[0]} means the file"
+                ctx.fail(f"{error.format_message()} ./{named[0]} means the file")
             raise
         except click.UsageError as error:
             error.ctx = error.ctx or ctx

@@ -114,9 +114,9 @@ def live(
     if no_view and connect is not None:
         raise SettingsError("--no-view opens no viewer and --connect sends to one: choose one")
     if video is not None:
-        from handtrack.video.media import count
+        from handtrack.video.media import count as checked
 
-        count(video)
+        checked(video)
     if output is None:
         output = _free_name()
     check_target(output, ".mcap", "-o")
