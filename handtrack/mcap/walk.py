@@ -282,10 +282,7 @@ class Walk:
         if opcode == Opcode.CHUNK:
             chunk = open_chunk(content)
             self.chunks, self.compression = self.chunks + 1, chunk.compression
-            for found in self._inside(chunk.data, wanted):
-                if not chunk.first <= found.time <= chunk.last:
-                    raise ValueError("a message is not of the time that its chunk says")
-                yield found
+            yield from self._inside(chunk, wanted)
         elif opcode == Opcode.MESSAGE:
             channel, sequence, time, _ = _MESSAGE.unpack_from(content)
             if wanted(self._channel(channel)):
@@ -305,28 +302,33 @@ class Walk:
         elif opcode < _PRIVATE and opcode not in _SKIPPED:
             raise ValueError(f"a record of kind {opcode} does not belong there")
 
-    def _inside(self, data: bytes, wanted: Callable[[Channel], bool]) -> Iterator[Found]:
-        """Messages in the records of a chunk."""
+    def _inside(self, chunk: Chunk, wanted: Callable[[Channel], bool]) -> Iterator[Found]:
+        """Messages in the records of a chunk; whether a channel's are wanted is asked once."""
         from mcap.opcode import Opcode
 
+        data, (first, last) = chunk.data, chunk[:2]
         message, position = int(Opcode.MESSAGE), 0
-        skipped: set[int] = set()
+        asked: dict[int, bool] = {}
         while position < len(data):
             opcode, length = RECORD.unpack_from(data, position)
             position += RECORD.size
             end = position + length
             if end > len(data):
                 raise ValueError("a record is longer than its chunk")
-            # most are messages that nobody wants
+            # most are messages
             if opcode != message:
                 yield from self._record(opcode, data[position:end], wanted)
+                asked.clear()
             else:
-                (channel,) = struct.unpack_from("<H", data, position)
-                if channel not in skipped:
-                    if wanted(self._channel(channel)):
-                        yield from self._record(opcode, data[position:end], wanted)
-                    else:
-                        skipped.add(channel)
+                channel, sequence, time, _ = _MESSAGE.unpack_from(data, position)
+                if channel not in asked:
+                    asked[channel] = wanted(self._channel(channel))
+                if asked[channel]:
+                    if length < _MESSAGE.size:
+                        raise ValueError("a message is shorter than its head")
+                    if not first <= time <= last:
+                        raise ValueError("a message is not of the time that its chunk says")
+                    yield Found(channel, sequence, time, data[position + _MESSAGE.size : end])
             position = end
 
     def schema_of(self, channel: Channel) -> str:

@@ -49,12 +49,14 @@ def read_mcap(path: Path) -> list[Raw]:
         return ours or of_robots(channel)
 
     for found in walk.messages(wanted):
+        if found.channel in robots:
+            robots[found.channel].add(found.time, found.data)
+            continue
         channel = walk.channels[found.channel]
         if of_robots(channel):
-            if found.channel not in robots:
-                schema = walk.definitions[channel.schema_id]
-                about = channel.topic, schema.name, channel.message_encoding, schema.data
-                robots[found.channel] = log.channel(*about)
+            schema = walk.definitions[channel.schema_id]
+            about = channel.topic, schema.name, channel.message_encoding, schema.data
+            robots[found.channel] = log.channel(*about)
             robots[found.channel].add(found.time, found.data)
         elif channel.message_encoding == "json":
             messages.append(mcap_json.Message(channel.topic, found.time, found.data))

@@ -152,7 +152,7 @@ class Frames:
             else:  # of the origin
                 turned = np.where(turnable(poses)[:, None], 0.0, np.nan)
             places[rows] = turned + poses[:, :3]
-            for parent in np.unique(above).tolist():
+            for parent in _different(above):
                 waiting.append((self._parents[parent], rows[above == parent], depth + 1))
         return places
 
@@ -160,12 +160,14 @@ class Frames:
         self, name: str, times: Ints, moving: dict[str, _Told]
     ) -> tuple[Array, Ints, NDArray[np.bool_]]:
         """Where a frame was last, in which frame, and at which of the times it had been told."""
+        told = moving.get(name)
+        if told is not None and np.array_equal(told.times, times):
+            return told.poses, told.above, np.ones(len(times), bool)
         poses, above = np.empty((len(times), 7)), np.zeros(len(times), np.int64)
         there = np.full(len(times), name in self._static)
         if name in self._static:
             poses[:], above[:] = self._static[name].poses[-1], self._static[name].above[-1]
-        if name in moving:
-            told = moving[name]
+        if told is not None:
             last = np.searchsorted(told.times, times, "right") - 1
             known = last >= 0
             if known.all():
@@ -189,6 +191,13 @@ class Frames:
             )
 
 
+def _different(numbers: Ints) -> list[int]:
+    """The numbers that there are."""
+    if len(numbers) and (numbers == numbers[0]).all():
+        return [int(numbers[0])]
+    return [int(n) for n in np.unique(numbers)]
+
+
 def _stamped(stamps: Ints) -> NDArray[np.bool_]:
     return np.asarray((stamps != 0) & (stamps != UNSTAMPED))
 
@@ -206,14 +215,26 @@ def _rows(moving: dict[str, _Told], names: Set[str]) -> tuple[Ints, dict[str, In
     """Times in order, and at which of them each of the names is told of; where most times tell
     of few of the names, as each joint has a stamp of its own, those of one round are one, at the
     time of its last."""
-    own = {name: np.unique(moving[name].times) for name in names if name in moving}
-    times = np.unique(np.concatenate([*own.values(), np.empty(0, np.int64)]))
+    own = {name: _once(moving[name].times) for name in names if name in moving}
+    times = _together(list(own.values()))
     if sum(map(len, own.values())) <= len(times) * len(names) / 2:
         steps = np.concatenate([np.diff(t) for t in own.values()] or [np.empty(0)])
         if len(steps):
             return _rounds(moving, names, float(np.median(steps)) / 2)
     empty = np.empty(0, np.int64)
     return times, {n: np.searchsorted(times, own[n]) if n in own else empty for n in names}
+
+
+def _once(times: Ints) -> Ints:
+    """Times that rise, each once."""
+    return times[np.append(True, np.diff(times) > 0)] if len(times) else times
+
+
+def _together(several: list[Ints]) -> Ints:
+    """All times of some lists that rise."""
+    if several and all(np.array_equal(several[0], times) for times in several[1:]):
+        return several[0]
+    return np.unique(np.concatenate([*several, np.empty(0, np.int64)]))
 
 
 def _rounds(

@@ -102,10 +102,13 @@ class Channel:
         """
         if log_time > _LOGGED_MOST:
             raise self._wrong(len(self._times), f": log time {log_time} ns is beyond 64 bits")
-        self._numbers.append(self.log.number())
+        log = self.log
+        self._numbers.append(log.number())
         self._times.append(log_time)
         self._messages.append(data)
-        self.log.wait(len(data))
+        log.waiting += len(data)
+        if log.waiting > _HELD_MOST:
+            log.flush()
 
     def flush(self) -> None:
         """Read those that wait."""
@@ -134,14 +137,15 @@ class RobotLog:
 
     Attributes:
         path: of the log.
+        waiting: bytes of messages that wait to be read.
     """
 
     path: Path
+    waiting: int = 0
     _topics: dict[str, Topic] = field(default_factory=dict)
     _frames: Frames = field(default_factory=lambda: Frames())
     _channels: list[Channel] = field(default_factory=list)
     _numbers: Iterator[int] = field(default_factory=count)
-    _waiting: int = 0
 
     def channel(self, topic: str, schema: str, encoding: str, definition: bytes) -> Channel:
         """Where messages of a topic are put."""
@@ -156,14 +160,9 @@ class RobotLog:
         """A message's number, higher than those before."""
         return next(self._numbers)
 
-    def wait(self, size: int) -> None:
-        """Messages of so many bytes more wait; read them where they are many."""
-        self._waiting += size
-        if self._waiting > _HELD_MOST:
-            self._flush()
-
-    def _flush(self) -> None:
-        self._waiting = 0
+    def flush(self) -> None:
+        """Read the messages that wait."""
+        self.waiting = 0
         for channel in self._channels:
             channel.flush()
 
@@ -189,7 +188,7 @@ class RobotLog:
         Raises:
             InputError: frames of which one is above itself.
         """
-        self._flush()
+        self.flush()
         raws: list[Raw] = []
         for _, topic in sorted(self._topics.items()):
             raws += topic.hands(self.path)
