@@ -76,6 +76,16 @@ def test_every_type_that_a_public_call_returns_is_exported() -> None:
     assert not hidden
 
 
+def test_public_results_cannot_be_changed() -> None:
+    """Their fields; that arrays in them can only be read, `test_read_only` sees."""
+    kinds = [
+        kind for _, kind in PUBLIC if isinstance(kind, type) and dataclasses.is_dataclass(kind)
+    ]
+    assert len(kinds) > 20
+    loose = [kind for kind in kinds if not kind.__dataclass_params__.frozen]  # type: ignore[attr-defined]
+    assert not loose
+
+
 def test_everything_public_says_what_it_is() -> None:
     for owner, value in PUBLIC:
         assert (value.__doc__ or "").strip(), owner

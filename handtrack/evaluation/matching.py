@@ -13,6 +13,8 @@ from handtrack.sequences.skeleton_check import Picks, orders_of
 
 LOOK = 200
 """Frames that are enough to tell a wrong unit, side or order."""
+_POINT = 1e-9
+"""A hand so small is one point, to rounding [m]."""
 
 
 def same_name(a: str, b: str) -> bool:
@@ -25,7 +27,7 @@ def size_ratio(a: Array, b: Array) -> float:
     """How many times as large the hands of b (T, 21, 3) are as those of a, in common joints."""
     both = np.asarray(~(np.isnan(a).any(-1) | np.isnan(b).any(-1)))[..., None]
     size = _size(np.where(both, a, np.nan))
-    return _size(np.where(both, b, np.nan)) / size if size > 0 else float("nan")
+    return _size(np.where(both, b, np.nan)) / size if size > _POINT else float("nan")
 
 
 def truth_problem(estimate: Array, truth: Array) -> str:
@@ -44,7 +46,7 @@ def truth_problem(estimate: Array, truth: Array) -> str:
     common = both[frames][..., None]
     a, b = np.where(common, estimate[frames], np.nan), np.where(common, truth[frames], np.nan)
     size_a, size_b = _size(a), _size(b)
-    if not (size_a > 0 and size_b > 0):
+    if not min(size_a, size_b) > _POINT:
         return "all joints of a frame are at one point"
     ratio = size_b / size_a
     if not 0.4 < ratio < 2.5:

@@ -56,6 +56,20 @@ def test_students_quantiles():
     assert student(0.975, 8.0) == pytest.approx(t.ppf(0.975, 8.0), rel=5e-4)
 
 
+@pytest.mark.parametrize("blocks", [3.0, 5.5, 9.0, 60.0])
+def test_few_blocks_widen_as_students_t_and_the_lost_degree_of_freedom(blocks):
+    from scipy.stats import norm, t
+
+    wanted = t.ppf(0.975, blocks - 1) / norm.ppf(0.975) * np.sqrt(blocks / (blocks - 1))
+    assert bootstrap._wider(blocks) == pytest.approx(wanted, rel=0.035)
+
+
+def test_quantiles_are_numpys_of_what_is_known():
+    x = np.random.default_rng(11).normal(size=333)
+    x[::7] = np.nan
+    assert bootstrap._quantiles(x) == pytest.approx(tuple(np.nanquantile(x, [0.025, 0.975])))
+
+
 def test_block_length_follows_memory():
     rng = np.random.default_rng(1)
     lengths = [np.mean([block_length(walk(rng, 4000, m)) for _ in range(8)]) for m in (0, 0.5, 0.9)]
