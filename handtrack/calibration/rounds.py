@@ -7,9 +7,12 @@ from numpy.typing import NDArray
 
 from handtrack.calibration.bundle import Clip, Poses, Solution, solve
 from handtrack.calibration.chains import SIZE, Chains
+from handtrack.calibration.fading import ALL_LASTS, FADES_S, Lasts, lasts
 from handtrack.calibration.freedoms import DRIFT, Freedoms, by_constants, shape
 from handtrack.calibration.material import Material, poses_of
+from handtrack.calibration.split import residuals
 from handtrack.detectors.profile import Noise
+from handtrack.fitting import solver
 from handtrack.hand.model import HandModel
 
 # errors of an unknown detector that are not new in every frame are taken to be constant, and twice
@@ -24,7 +27,12 @@ more stretches than these."""
 
 
 def worth_of(
-    frames: int, span_s: float, deviation: float, left: float, noise: Noise | None
+    frames: int,
+    span_s: float,
+    deviation: float,
+    left: float,
+    noise: Noise | None,
+    seen: Lasts = ALL_LASTS,
 ) -> float:
     """Information of a clip on its subject's constants, over what as many unrelated frames have.
 
@@ -35,24 +43,27 @@ def worth_of(
         frames: n, how many are looked at; span_s: from the first to the last [s].
         deviation: of the joints from what the hand explains, per coordinate [m].
         left: white noise among that [m].
-        noise: the detector's; where it is not known, what is not white is taken to last.
+        noise: the detector's; where it is not known, what is not white is taken to last as far as
+            residuals do not show that it fades.
+        seen: what they show.
 
     Returns:
         In 0..1; 1 where all errors are white.
     """
     n = max(frames, 1)
     if noise is None:
-        constant = _UNSEEN * max(deviation**2 - left**2 - _RIGID**2, 0.0)
-        fading = fades = 0.0
+        unseen = _UNSEEN * max(deviation**2 - left**2 - _RIGID**2, 0.0)
+        constant = seen.constant_of(unseen)
+        fading, fades, most = unseen - constant, FADES_S, n
         white = min(left, deviation) ** 2
         total = max(deviation**2, white)
     else:
         constant, fading, white = (
             float(np.square(part).mean()) for part in (noise.constant, noise.fading, noise.white)
         )
-        fades = noise.fades_s
+        fades, most = noise.fades_s, MOST_STRETCHES
         total = constant + fading + white
-    stretches = min(max(span_s / (2.0 * fades), 1.0), n, MOST_STRETCHES) if fades > 0 else n
+    stretches = min(max(span_s / (2.0 * fades), 1.0), n, most) if fades > 0 else n
     together = constant + fading / stretches + white / n
     if not together > 0:
         return 1.0
@@ -68,6 +79,14 @@ _STRAYS, _STRAYS_LEAST = 4.0, 5e-3
 # median distance of three normal coordinates; coordinates a frame has, and is left
 _MEDIAN_DISTANCE = 1.5382
 _FREE_SHARE = 37.0 / 63.0
+
+
+def _lasts(model: HandModel, material: Material, fits: solver.Results) -> Lasts:
+    """What a clip's residuals show of how long its errors last."""
+    good = np.isfinite(fits.objective)
+    away = np.where(material.weights[..., None] > 0, material.joints - fits.joints, np.nan)[good]
+    turn = fits.roots[good, :9].reshape(-1, 3, 3)
+    return lasts(residuals(model, fits.angles[good], turn, away), material.time_ns[good])
 
 
 class Round:
@@ -93,12 +112,13 @@ class Round:
         for material, pick, noise in zip(materials, picks, noises, strict=True):
             fits = material.fitted(start)
             off = np.linalg.norm(fits.joints - material.joints, axis=-1)
+            seen = ALL_LASTS if detector else _lasts(start, material, fits)
             self._targets.append(np.nan_to_num(material.joints[pick]))
             self._weights.append(material.weights[pick])
             self._poses.append(poses_of(start, fits, pick))
             self._noise.append(max(_FLOOR, material.left, noise))
             span = 1e-9 * float(material.time_ns[-1] - material.time_ns[0])
-            self._worth.append(worth_of(len(pick), span, noise, material.left, detector))
+            self._worth.append(worth_of(len(pick), span, noise, material.left, detector, seen))
             self._spread.append(max(_STRAYS_LEAST, _STRAYS * float(np.nanmedian(off))))
 
     def _clips(self, moves: Freedoms) -> tuple[list[Clip], Array]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 import handtrack as ht
 from handtrack.evaluation.metrics import pa_mpjpe
-from handtrack.hand.skeleton import BASES, N_JOINTS
+from tools.bench.laid_over import lasting
 from tools.bench.oracles import ORDERS, savgol
 from tools.bench.rendered.layout import Clip, read_folder
 
@@ -35,25 +35,14 @@ METHODS: dict[str, dict[str, Any]] = {
     "`fixed-lag`": {"filter": "fixed-lag"},
     "`rts`": {"filter": "rts"},
 }
-_ALONG = 0.6
-"""Of a joint's noise that is its parent's in the finger."""
 
 
 def noisy(
     truth: Array, fps: float, kind: tuple[float, float, float], rng: np.random.Generator
 ) -> Array:
     """The joints (T, 21, 3) [m] as a detector of that kind sees them."""
-    lasts, deviation_mm, white_mm = kind
-    kept = np.exp(-1.0 / (fps * lasts))
-    noise = rng.normal(size=truth.shape)
-    for t in range(1, len(noise)):
-        noise[t] = kept * noise[t - 1] + np.sqrt(1 - kept**2) * noise[t]
-    for joint in range(1, N_JOINTS):
-        if joint not in BASES:
-            own = np.sqrt(1 - _ALONG**2) * noise[:, joint]
-            noise[:, joint] = _ALONG * noise[:, joint - 1] + own
-    white = rng.normal(size=truth.shape)
-    return np.asarray(truth + 1e-3 * (deviation_mm * noise + white_mm * white))
+    lasts_s, deviation_mm, white_mm = kind
+    return lasting(truth, fps, rng, lasts_s=lasts_s, deviation_mm=deviation_mm, white_mm=white_mm)
 
 
 def ratios(clip: Clip, kind: tuple[float, float, float], seed: int) -> dict[str, float]:
