@@ -82,7 +82,7 @@ def _unit(way: Array) -> Array:
 def biased(truth: Array, fps: float, rng: np.random.Generator, *, bias_mm: float) -> Array:
     """Landmarks that lie aside in their bones' frames, and noise as 3 mm over .1 s."""
     aside = np.einsum("tjxc,jc->tjx", bone_frames(truth), _aside(bias_mm, rng))
-    return lasting(truth, fps, rng, lasts_s=0.1, deviation_mm=3) + aside
+    return np.asarray(lasting(truth, fps, rng, lasts_s=0.1, deviation_mm=3) + aside)
 
 
 def flickering(truth: Array, fps: float, rng: np.random.Generator) -> Array:
@@ -93,7 +93,7 @@ def flickering(truth: Array, fps: float, rng: np.random.Generator) -> Array:
     state = jumps.cumsum(0) % 2
     now = np.where(state[..., None] == 0, two[0], two[1])
     aside = np.einsum("tjxc,tjc->tjx", bone_frames(truth), now)
-    return lasting(truth, fps, rng, lasts_s=0.1, deviation_mm=2) + aside
+    return np.asarray(lasting(truth, fps, rng, lasts_s=0.1, deviation_mm=2) + aside)
 
 
 def dropping(truth: Array, fps: float, rng: np.random.Generator) -> Array:
@@ -135,7 +135,7 @@ def mirrored(truth: Array, fps: float, rng: np.random.Generator) -> Array:
     depth = _unit(rng.normal(size=3))
     t = int(fps * rng.uniform(0.5, 2.0))
     while t < len(truth):
-        part = slice(t, t + rng.integers(2, 9))
+        part = slice(t, t + int(rng.integers(2, 9)))
         middle = nan_mean(out[part], 1)[:, None]
         out[part] -= 2 * ((out[part] - middle) @ depth)[..., None] * depth
         t = part.stop + int(fps * rng.uniform(0.5, 2.0))
