@@ -218,6 +218,20 @@ def test_joint_states(found: Messages, track: Track) -> None:
         assert cdr.at == len(cdr.data)
 
 
+def test_ros_reads_them(found: Messages, track: Track) -> None:
+    """By a reader that is not ours: RViz cannot run here."""
+    typesys = pytest.importorskip("rosbags.typesys")
+    types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+    for i, (time, _, data) in enumerate(found["/right/joint_states"]):
+        state = types.deserialize_cdr(data, "sensor_msgs/msg/JointState")
+        assert state.name == list(ANGLE_NAMES)
+        np.testing.assert_array_equal(state.position, track.angles[i])
+        assert state.header.stamp.sec * 10**9 + state.header.stamp.nanosec == time
+    ((_, _, data),) = found["/right/robot_description"]
+    robot = types.deserialize_cdr(data, "std_msgs/msg/String")
+    assert ElementTree.fromstring(robot.data).tag == "robot"
+
+
 def test_log_lines(found: Messages) -> None:
     lines = [(line.level, line.message) for line in decoded(found, "/right/log")]
     assert lines == [

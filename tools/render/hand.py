@@ -206,7 +206,7 @@ def occlusion(depth: Array, size: int) -> Array:
     """Share of open sky of each pixel, from how far its surroundings stand out."""
     known = np.where(np.isfinite(depth), depth, -1e4)
     out = np.zeros_like(depth)
-    reach = [round(r * size) for r in (0.008, 0.018, 0.035)]
+    reach = [max(round(r * size), 1) for r in (0.008, 0.018, 0.035)]
     n = 0
     for r in reach:
         for angle in np.arange(12) * (np.pi / 6) + 0.3 * r:
