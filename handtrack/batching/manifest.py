@@ -232,7 +232,7 @@ def _check_values(values: dict[str, Any], number: int, place: str) -> None:
             del values["hand"]
     if "unit" in values and values["unit"] not in set(UNITS.values()):
         raise InputError(
-            f"row {number}: unit is {shown(values['unit'], 40)!r}, expected m, cm or mm", place
+            f"row {number}: unit is {shown(values['unit'], 40)!r}, expected m, cm, mm or in", place
         )
     if "order" in values:
         try:

@@ -33,8 +33,9 @@ _BLOCK = 4096  # frames turned into text at a time
 def write_bvh(model: HandModel, moved: Motion, path: Path, unit: str = "cm") -> str:
     """Write the motion of a hand.
 
-    The root is the wrist: `Xposition Yposition Zposition Zrotation Xrotation Yrotation`, in
-    the world with y up. Every finger joint has `Zrotation Xrotation Yrotation` (R = Rz Rx Ry,
+    Joints are named with their hand (`right_index_mcp`). The root is the wrist: `Xposition
+    Yposition Zposition Zrotation Xrotation Yrotation`, in the world with y up. Every finger
+    joint has `Zrotation Xrotation Yrotation` (R = Rz Rx Ry,
     degrees) in the frame of its parent; at zero the hand is flat and all frames lie parallel.
     The tips are end sites.
 
@@ -65,7 +66,7 @@ def write_bvh(model: HandModel, moved: Motion, path: Path, unit: str = "cm") -> 
     values[:, 3:] = np.rad2deg(euler_zxy(moved.rotations)).reshape(frames, -1)
     with path.open("w", encoding="ascii", newline="\n") as file:
         file.write("HIERARCHY\n")
-        file.write("\n".join(_hierarchy(offsets(model) * scale)))
+        file.write("\n".join(_hierarchy(offsets(model) * scale, model.hand)))
         file.write(f"\nMOTION\nFrames: {frames}\nFrame Time: {step:.9f}\n")
         line = " ".join([f"%.{_FIXED}f"] * values.shape[1]) + "\n"
         for start in range(0, frames, _BLOCK):
@@ -74,7 +75,7 @@ def write_bvh(model: HandModel, moved: Motion, path: Path, unit: str = "cm") -> 
     return note
 
 
-def _hierarchy(offset: Array) -> list[str]:
+def _hierarchy(offset: Array, hand: str) -> list[str]:
     """The skeleton's lines, joints in the order of their channels."""
 
     def place(joint: int) -> str:
@@ -82,7 +83,7 @@ def _hierarchy(offset: Array) -> list[str]:
 
     turns = "Zrotation Xrotation Yrotation"
     lines = [
-        f"ROOT {JOINT_NAMES[0]}",
+        f"ROOT {hand}_{JOINT_NAMES[0]}",
         "{",
         f"  {place(0)}",
         f"  CHANNELS 6 Xposition Yposition Zposition {turns}",
@@ -91,7 +92,7 @@ def _hierarchy(offset: Array) -> list[str]:
         for depth in range(3):
             joint, indent = base + depth, "  " * (depth + 1)
             lines += [
-                f"{indent}JOINT {JOINT_NAMES[joint]}",
+                f"{indent}JOINT {hand}_{JOINT_NAMES[joint]}",
                 f"{indent}{{",
                 f"{indent}  {place(joint)}",
                 f"{indent}  CHANNELS 3 {turns}",

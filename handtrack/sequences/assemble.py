@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from handtrack.errors import InputError, SettingsError
 from handtrack.files.long_arrays import blocks, by_blocks
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS
-from handtrack.hand.units import METRES, Unit
+from handtrack.hand.units import METRES, METRIC, Unit
 from handtrack.sequences.clock import UNIT_NS, Clock, TimeUnit, check_fps, read_clock
 from handtrack.sequences.coincident import without_coincident
 from handtrack.sequences.joint_order import AXIS_MAJOR, check_order, ordered_by_axis, read_order
@@ -163,7 +163,7 @@ def _picture(
 def _in_its_unit(truth: Array, joints: Array, unit: Unit) -> tuple[Array, list[str]]:
     """True joints [m], where they were stored in another unit than the joints; and a note."""
     times = palm_length(truth) / palm_length(joints)
-    for other, metres in METRES.items():
+    for other, metres in METRIC.items():
         factor = METRES[unit] / metres
         if factor != 1 and _ALIKE[0] < times / factor < _ALIKE[1]:
             return truth / factor, [f"true joints read as {other}, the joints as {unit}, by size"]

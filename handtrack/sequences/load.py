@@ -74,7 +74,7 @@ def load(
             "right": where a file labels both hands, only that one; where it labels one or none,
             that is what it is. "swap": the file's labels exchanged, for files that have them
             the wrong way round.
-        unit: "m", "cm" or "mm", instead of what the source says (where it is silent: m).
+        unit: "m", "cm", "mm" or "in", instead of what the source says (where it is silent: m).
         order: joint order, instead of the source's: a name of `handtrack.hand.skeleton.ORDERS`,
             "axis-major" (all x, all y, all z), or the 21 places of our joints in the source,
             separated by commas (-1: it has none).

@@ -96,6 +96,7 @@ UNITS: dict[str, Unit] = {
     **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), "m"),
     **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), "cm"),
     **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), "mm"),
+    **dict.fromkeys(("inch", "inches"), "in"),
 }
 AXES = {f"{before}{axis}": i for before in ("", "t", "pos") for i, axis in enumerate("xyz")}
 TIME_UNITS: dict[str, TimeUnit] = {

@@ -10,7 +10,7 @@ import numpy as np
 from handtrack.errors import InputError
 from handtrack.files.long_arrays import by_blocks, rows_of
 from handtrack.hand.skeleton import BASES, PARENTS
-from handtrack.hand.units import METRES, Unit
+from handtrack.hand.units import METRES, METRIC, Unit
 from handtrack.sequences.readers.raw import Array
 from handtrack.sequences.some_frames import some_frames
 
@@ -73,7 +73,7 @@ class WrongUnit(InputError):
 
     def __init__(self, palm: float, unit: Unit, path: str | Path | None = None):
         of_one = palm / METRES[unit]
-        fitting = (u for u, metres in METRES.items() if is_plausible(of_one * metres))
+        fitting = (u for u, metres in METRIC.items() if is_plausible(of_one * metres))
         self.palm, self.unit, self.fits = palm, unit, next(fitting, None)
         advice = (
             f"--unit {self.fits} would fit"
@@ -139,10 +139,19 @@ def is_absurd(palm: float) -> bool:
     return not (np.isnan(palm) or is_plausible(palm))
 
 
-def fitting_unit(joints: Array) -> Unit | None:
-    """The unit in which a hand has a hand's size; None where none of them."""
+def fitting_unit(joints: Array, inches: bool = False) -> Unit | None:
+    """The unit in which a hand has a hand's size; None where none of them.
+
+    Args:
+        joints: (T, 21, 3) of it.
+        inches: they may be, where a hand of usual size is that in no other unit.
+    """
     palm = palm_length(joints)
-    return next((unit for unit, metres in METRES.items() if is_plausible(palm * metres)), None)
+    low, high = USUAL_PALM
+    usual = [unit for unit, metres in METRES.items() if low <= palm * metres <= high]
+    if inches and usual == ["in"]:
+        return "in"
+    return next((unit for unit, metres in METRIC.items() if is_plausible(palm * metres)), None)
 
 
 def absurd(palm: float, taken: str, advice: str) -> str:

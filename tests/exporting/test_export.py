@@ -39,7 +39,7 @@ def bvh_joints(path: Path, unit_m: float) -> np.ndarray:
     """(T, 21, 3) [m] of a BVH file: end sites are the tips."""
     file = Bvh(path)
     names = [
-        n or f"{(file.names[p] or '').split('_')[0]}_tip"
+        (n or f"{(file.names[p] or '').rpartition('_')[0]}_tip").partition("_")[2]
         for n, p in zip(file.names, file.parents, strict=True)
     ]
     return file.positions()[:, [names.index(name) for name in JOINT_NAMES]] * unit_m

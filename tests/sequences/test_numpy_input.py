@@ -137,7 +137,7 @@ def test_marks_of_missing_joints(tmp_path, right, mark):
         ({"joints": "R", "truth": np.ones((11, 21, 3))}, "truth has shape"),
         ({"joints": "R", "order": "alphabetical"}, "joint order 'alphabetical' is unknown, known"),
         ({"joints": "R", "order": "webxr"}, "a frame has 21 joints, the order webxr has 25"),
-        ({"joints": "R", "unit": "inch"}, "unit is 'inch', expected m, cm or mm"),
+        ({"joints": "R", "unit": "yard"}, "unit is 'yard', expected m, cm, mm or in"),
     ],
 )
 def test_bad_fields(tmp_path, right, fields, message):

@@ -65,7 +65,7 @@ def test_palm_without_a_wrist_is_near_the_palm_with_it(right):
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ({"unit": "inch"}, "unknown unit 'inch', expected one of m, cm, mm"),
+        ({"unit": "yard"}, "unknown unit 'yard', expected one of m, cm, mm"),
         (
             {"order": "alphabetical"},
             "unknown joint order 'alphabetical', expected one of handtrack,",

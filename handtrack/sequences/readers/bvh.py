@@ -85,7 +85,7 @@ def read_bvh(data: bytes, path: Path) -> list[Raw]:
             out[:, joint] = places[node]
         raw = Raw(out, path, stem(path), hand=hand, order="handtrack", fps=rate)
         raw.tagged = hand is not None
-        raw.unit = fitting_unit(out)
+        raw.unit = fitting_unit(out, inches=True)
         if raw.unit is not None:
             raw.notes = (f"BVH states no unit: read as {raw.unit}, which makes a hand",)
         raws.append(raw)

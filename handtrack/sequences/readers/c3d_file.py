@@ -74,7 +74,7 @@ def read_c3d(data: bytes, path: Path) -> list[Raw]:
     raw = Raw(points, path, stem(path), pending=Markers(tuple(names)))
     if told != len(points):
         raw.notes = (f"the header tells of {told} frames, there are {len(points)}",)
-    raw.unit = as_unit(units, path) if units in UNITS else None
+    raw.unit = as_unit(units, path) if units in (*UNITS, "in") else None
     raw.fps = rate if np.isfinite(rate) and rate > 0 else None
     raw.frame_index = first + np.arange(len(points))
     return [raw]

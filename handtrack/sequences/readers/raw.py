@@ -152,15 +152,18 @@ def as_hand(value: object, path: Path, where: str = "hand") -> Hand:
 
 
 def as_unit(value: object, path: Path) -> Unit:
-    """A unit's name as one of m, cm, mm.
+    """A unit's name as one of m, cm, mm, in.
 
     Raises:
         InputError: it is another one.
     """
-    unit = UNITS.get(str(value).strip()) or UNITS.get(str(value).strip().lower())
+    name = str(value).strip()
+    unit = UNITS.get(name) or UNITS.get(name.lower())
+    if unit is None and name.lower() == "in":  # a word, where others stand beside it
+        return "in"
     if unit is not None:
         return unit
-    raise InputError(f"unit is {str(value)[:40]!r}, expected m, cm or mm", path)
+    raise InputError(f"unit is {str(value)[:40]!r}, expected m, cm, mm or in", path)
 
 
 def as_fps(value: object, path: Path) -> float:

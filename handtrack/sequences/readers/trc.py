@@ -65,7 +65,7 @@ def read_trc(data: bytes, path: Path) -> list[Raw]:
     rate = said.get("datarate")
     markers = values[:, 2:].reshape(len(values), len(names), 3)
     raw = Raw(markers, path, stem(path), pending=Markers(tuple(names)), notes=tuple(notes))
-    raw.unit = as_unit(unit, path) if unit is not None and unit.lower() in UNITS else None
+    raw.unit = as_unit(unit, path) if unit is not None and unit.lower() in (*UNITS, "in") else None
     raw.fps = None if rate is None else as_fps(rate, path)
     raw.frame_index = frame_numbers(values[:, 0], len(values), path, "Frame#")
     if np.isfinite(values[:, 1]).all() and len(values) > 1:
