@@ -12,7 +12,7 @@ from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS
 from handtrack.sequences.readers.raw import Array
 from handtrack.sequences.size import palm_length
-from handtrack.sequences.skeleton_check import misfit
+from handtrack.sequences.skeleton_check import misfit_without
 
 _AXIS = np.array([1.0, math.pi, math.e]) / np.linalg.norm([1.0, math.pi, math.e])
 _DIRECTIONS = (_AXIS, np.roll(_AXIS, 1), np.roll(_AXIS, 2))
@@ -68,7 +68,7 @@ def without_coincident(joints: Array) -> tuple[Array, list[str]]:
             continue
         gone = b
         often = 2 * pair.sum() > max(there[a], there[b])
-        if often and _without(out, a) < _without(out, b) - _CLEARLY:
+        if often and misfit_without(out, a) < misfit_without(out, b) - _CLEARLY:
             gone = a
         out[frames[pair], gone] = np.nan
         same[pair, gone, :] = same[pair, :, gone] = False
@@ -77,8 +77,3 @@ def without_coincident(joints: Array) -> tuple[Array, list[str]]:
             f" {JOINT_NAMES[gone]} was taken as missing there"
         )
     return out, notes
-
-
-def _without(joints: Array, joint: int) -> float:
-    """The misfit of a hand without one joint."""
-    return misfit(joints, tuple(-1 if j == joint else j for j in range(N_JOINTS)))

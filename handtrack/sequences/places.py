@@ -46,10 +46,19 @@ def _exchanged(a: Array, b: Array, swapped: NDArray[np.bool_]) -> tuple[Array, A
     return np.where(which, b, a), np.where(which, a, b)
 
 
+def _size(joints: Array) -> float:
+    """How far joints (T, N, 3) that are there reach, typically; 0 where none is."""
+    there = np.isfinite(joints)
+    high = np.max(joints, axis=1, where=there, initial=-np.inf)
+    low = np.min(joints, axis=1, where=there, initial=np.inf)
+    seen = there.any(1)
+    return float(np.median((high - low)[seen])) if seen.any() else 0.0
+
+
 def _swapped(a: Array, b: Array) -> NDArray[np.bool_] | None:
     """In which frames two hands (T, N, 3) are exchanged; None where in none."""
     with np.errstate(over="ignore", invalid="ignore"):
-        size = float(np.nanmedian(np.ptp(a, axis=1))) if np.isfinite(a).any() else 0.0
+        size = _size(a)
         if not size > 0 or not _may_be(a, b, size):
             return None
         out = np.zeros(len(a), bool)

@@ -106,6 +106,18 @@ def misfit(joints: Array, picks: Picks = ORDERS["handtrack"]) -> float:
     return float(_misfits(_log_distances(joints), np.array([picks]))[0])
 
 
+def misfit_without(joints: Array, joint: int) -> float:
+    """The misfit of joints (T, 21, 3) without one, told by bones and the palm alone.
+
+    How near a thumb comes to other fingers is its motion's, and would be told by one joint only.
+    """
+    known, logs = _lengths(), _log_distances(joints)
+    a, b = known.pairs[~known.rigid].T
+    logs[:, a, b] = logs[:, b, a] = np.nan
+    picks = [-1 if j == joint else j for j in range(N_JOINTS)]
+    return float(_misfits(logs, np.array([picks]))[0])
+
+
 def clearly_better(other: float, own: float, frames: int) -> bool:
     """Whether an order with the misfit `other` is to be believed against one with `own`.
 

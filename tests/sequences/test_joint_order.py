@@ -7,7 +7,7 @@ import pytest
 
 import handtrack as ht
 from handtrack.hand.skeleton import ORDER_JOINTS, ORDERS
-from handtrack.sequences.skeleton_check import best_order, orders_of
+from handtrack.sequences.skeleton_check import GOOD, best_order, orders_of
 
 WHOLE = [name for name, picks in orders_of(21).items() if min(picks) >= 0]
 
@@ -52,7 +52,7 @@ def test_the_best_order_is_the_true_one(order):
     best = best_order(joints)[0]
     assert ORDERS[best.name] == ORDERS[order]
     assert ORDER_JOINTS[best.name] == ORDER_JOINTS[order]
-    assert best.misfit < 0.12
+    assert best.misfit < GOOD / 4
 
 
 @pytest.mark.parametrize("stated", [None, *WHOLE])

@@ -332,8 +332,11 @@ def test_world_coordinates_under_wx_beside_the_picture(tmp_path, right):
     same(put(tmp_path / "a.csv", [head, *rows]), right)
 
 
-def test_hands_without_names_in_lists_of_changing_order(tmp_path, left, right):
+@pytest.mark.parametrize("gone", [None, 8])
+def test_hands_without_names_in_lists_of_changing_order(tmp_path, left, right, gone):
     other = left + np.array([0.3, 0, 0])
+    if gone is not None:  # a joint that the source never has
+        other[:, gone] = right[:, gone] = np.nan
     pairs = [(a, b) if i % 3 else (b, a) for i, (a, b) in enumerate(zip(other, right, strict=True))]
     pairs[4] = (right[4],)
     hands = [[{"joints": hand.tolist()} for hand in of] for of in pairs]
