@@ -104,9 +104,10 @@ class Array:
         if not isinstance(kind, Type):
             raise PickleError("an array without a type of numbers")
         if kind.unread:
-            # np.savez keeps an object as an array of one
-            one = kind.code[0] == "O" and isinstance(data, list) and len(data) == count == 1
-            self.value = data if one and isinstance(data, list) else Unread()
+            # np.savez keeps an object as an array of one; a row of them is a list
+            row = kind.code[0] == "O" and (count == 1 or len(sizes) == 1)
+            whole = row and isinstance(data, list) and len(data) == count
+            self.value = data if whole and isinstance(data, list) else Unread()
             return
         numbers = kind.of_bytes(data, count, spend)
         self.value = numbers.reshape(sizes, order="F" if order == "F" else "C")

@@ -31,7 +31,7 @@ from handtrack.sequences.readers.recognise import check_format, read_file
 from handtrack.sequences.sequence import Sequence
 from handtrack.sequences.size import check_sizes
 from handtrack.sequences.unique import unique_names
-from handtrack.sequences.world_check import world_doubts
+from handtrack.sequences.world_check import about_the_wrist, world_doubts
 
 
 def load(
@@ -237,6 +237,9 @@ def finished(
     units = [unit_of(raw, given) for raw in seen]
     # what is flat is no hand in any unit
     worlds = [world_doubts(s.joints, raws[0].path) for s in sequences]
+    for raw, sequence, world in zip(seen, sequences, worlds, strict=True):
+        if given.unit is None and raw.says_nothing:
+            world += filter(None, [about_the_wrist(sequence.joints)])
     doubts = check_sizes([s.joints for s in sequences], units, raws[0].path)
     sequences = [
         _noted(s, doubt, *world) for s, doubt, world in zip(sequences, doubts, worlds, strict=True)

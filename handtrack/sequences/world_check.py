@@ -109,6 +109,20 @@ def _picture(x: Array) -> str | None:
     )
 
 
+def about_the_wrist(joints: Array) -> str | None:
+    """What is to be said of joints (T, 21, 3) about the wrist, whose unit nobody states."""
+    wrist = joints[:, 0]
+    there = wrist[np.isfinite(wrist).all(-1)]
+    if not len(there) or there.any():
+        return None
+    return (
+        "the wrist is always at 0, 0, 0 and no unit is stated: taken as metres about the wrist"
+        " (--unit m, where they are). Landmarks of a picture less the wrist's, as MediaPipe's"
+        " scripts write, are no metres: take its world landmarks, or the landmarks as they were"
+        " with --image-size WxH and --fov DEGREES"
+    )
+
+
 def _axes(lengths: _Lengths) -> str | None:
     """Whether another scale of one axis keeps lengths far better."""
     if len(lengths.there) < _FEW:

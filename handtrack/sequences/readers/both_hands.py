@@ -13,7 +13,8 @@ import numpy as np
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import HANDS, Hand
 from handtrack.sequences.names import as_side
-from handtrack.sequences.readers.fields import PAIRS, joint_columns, names_joints
+from handtrack.sequences.readers.fields import joint_columns, names_joints
+from handtrack.sequences.readers.joint_frames import PAIRS
 from handtrack.sequences.readers.pictures import seen_in_picture
 from handtrack.sequences.readers.raw import Raw
 from handtrack.sequences.titles import is_hand_label, of_side, side_key

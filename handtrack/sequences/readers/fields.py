@@ -18,14 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
-from handtrack.files.long_arrays import by_blocks
-from handtrack.hand.skeleton import N_JOINTS, ORDER_JOINTS
+from handtrack.hand.skeleton import N_JOINTS
 from handtrack.hand.units import METRES, Unit
 from handtrack.sequences.clock import Stamps
-from handtrack.sequences.joint_order import with_as_many
 from handtrack.sequences.names import UNUSED, as_side, joint_name, words
-from handtrack.sequences.readers.array_axes import frames_first, of_poses
-from handtrack.sequences.readers.jsontext import nested_array, nested_numbers, numbers
+from handtrack.sequences.readers.joint_frames import as_frames, frames_and_sure
+from handtrack.sequences.readers.jsontext import nested_numbers, numbers
 from handtrack.sequences.readers.raw import (
     Array,
     NotJointsError,
@@ -51,9 +49,6 @@ FINEST = ("ns", "us", "ms", "s", "")
 """Of several times the one of the finest stated unit is taken."""
 RATES = ("fps", "frame_rate", "framerate", "sample_rate", "hz", "frames_per_second", "rate")
 UNIT_KEYS = ("unit", "units")
-JOINT_COUNTS = sorted(set(ORDER_JOINTS.values()))
-PAIRS = (42, 50, 52)
-"""Joints in a frame of two hands."""
 _FEWEST = 4
 """Fewer joints by name are no hand."""
 
@@ -88,7 +83,7 @@ def from_fields(fields: Mapping[str, Any], path: Path) -> Raw:
     fields = _with_columns(fields, path)
     key = joint_key(fields, path)
     said = joints_key(key)
-    joints = as_frames(fields[key], path, key)
+    joints, fourth = frames_and_sure(fields[key], path, key)
     n = len(joints)
     unit = None if said is None else said.unit
     stated = next((fields[k] for k in UNIT_KEYS if fields.get(k) is not None), None)
@@ -117,7 +112,8 @@ def from_fields(fields: Mapping[str, Any], path: Path) -> Raw:
         raw.frame_index = frame_numbers(there[frame], n, path, frame)
     sure = next((k for k in there if is_confidence(k)), None)
     if sure is not None:
-        raw.confidence = _confidence(there[sure], joints, path)
+        fourth = _confidence(there[sure], joints, path)
+    raw.confidence = fourth
     raw.truth = _truth(fields, key, unit, joints, path)
     raw.shown = shown_by(fields, key, joints, path) if raw.detector else None
     _refuse_meant(there, path)
@@ -269,49 +265,15 @@ def joint_key(fields: Mapping[str, Any], path: Path) -> str:
         keys = worlds or [k for k in keys if not isinstance(fields[k], str)] or keys
     if not keys:
         there = ", ".join(list(map(str, fields))[:8]) or "nothing"
-        raise NotJointsError(f"no joints in it: expected joints_m or joints, found {there}", path)
+        shaped = any(
+            isinstance(v, np.ndarray) and v.shape[-2:] == (N_JOINTS, 3) for v in fields.values()
+        )
+        choose = " (--key NAME says which is the joints)" if shaped else ""
+        text = f"no joints in it: expected joints_m or joints, found {there}{choose}"
+        raise NotJointsError(text, path)
     if len(keys) > 1:
         raise InputError(f"both {keys[0]} and {keys[1]} are given, expected one of them", path)
     return keys[0]
-
-
-def as_frames(value: Any, path: Path, what: str = "joints") -> Array:
-    """Joints as (T, N, 3) from an array or nested lists; null = missing.
-
-    Raises:
-        InputError: not numbers, or not of a shape that makes frames of 21 (25, 26) joints.
-    """
-    array = value if isinstance(value, np.ndarray) else nested_array(value, path, what)
-    if array.dtype.kind not in "fiu":
-        raise InputError(f"{what} holds {array.dtype}, expected numbers", path)
-    if array.ndim == 4 and array.shape[0] == 1:
-        array = array[0]  # one sequence of a batch
-    if array.ndim == 4 and array.shape[1] in (1, 2) and array.shape[2] in JOINT_COUNTS:
-        array = array.reshape(len(array), -1, array.shape[3])  # hands of a frame
-    array = of_poses(frames_first(array))
-    shape = array.shape
-    counts = [*JOINT_COUNTS, *PAIRS]
-    flat_sizes = [3 * n for n in counts]
-    if array.ndim == 3 and shape[2] == 3 and shape[1] in counts:
-        frames = array
-    elif array.ndim == 3 and shape[1] == 3 and shape[2] in JOINT_COUNTS:
-        frames = array.transpose(0, 2, 1)  # rows of x, of y and of z
-    elif array.ndim == 2 and shape[1] in flat_sizes:
-        frames = array.reshape(shape[0], shape[1] // 3, 3)
-    elif (array.ndim == 2 and shape[1] == 3 and shape[0] in counts) or (
-        array.ndim == 1 and shape[0] in flat_sizes
-    ):
-        frames = array.reshape(1, -1, 3)
-    else:
-        known = with_as_many(shape[1]) if array.ndim == 3 and shape[2] == 3 else ""
-        if array.ndim == 3 and shape[2] == 4:
-            known = "; a fourth number of each joint belongs under a name of its own, confidence"
-        raise InputError(
-            f"{what} has shape {shape}, expected (frames, 21, 3) or (frames, 63){known}", path
-        )
-    if not len(frames):
-        raise InputError(f"{what} holds no frames", path)
-    return by_blocks(lambda part: part.astype(np.float64), frames)
 
 
 def frame_numbers(value: Any, n: int, path: Path, what: str) -> NDArray[np.int64]:

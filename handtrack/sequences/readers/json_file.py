@@ -35,9 +35,10 @@ from handtrack.sequences.readers import (
 from handtrack.sequences.readers.alike import FEWEST, forms_of, read_alike
 from handtrack.sequences.readers.both_hands import of_sides, two_hands
 from handtrack.sequences.readers.catalogue import Format
-from handtrack.sequences.readers.fields import as_frames, from_fields
+from handtrack.sequences.readers.fields import from_fields
 from handtrack.sequences.readers.flat_json import with_depth
 from handtrack.sequences.readers.found import CONTAINERS, MOST_HANDS, MOST_NAMES, hands_in
+from handtrack.sequences.readers.joint_frames import as_frames
 from handtrack.sequences.readers.json_table import table_of
 from handtrack.sequences.readers.jsontext import blanks_as_null, decode, is_blank, refuse_nothing
 from handtrack.sequences.readers.number_text import Forms

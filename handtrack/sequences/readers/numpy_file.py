@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.files import npz
 from handtrack.hand.skeleton import N_JOINTS
-from handtrack.sequences.readers import freemocap, mano_params, visionpro
+from handtrack.sequences.clock import Stamps
+from handtrack.sequences.readers import freemocap, mano_params, pickled, visionpro
 from handtrack.sequences.readers.bare_table import LABELLED, is_label_last
 from handtrack.sequences.readers.both_hands import by_frame, of_sides, two_hands
 from handtrack.sequences.readers.catalogue import Format, Way
-from handtrack.sequences.readers.fields import as_frames, from_fields
+from handtrack.sequences.readers.fields import from_fields
+from handtrack.sequences.readers.joint_frames import as_frames, frames_and_sure
 from handtrack.sequences.readers.json_file import flat_too
+from handtrack.sequences.readers.numbered_frames import by_number
 from handtrack.sequences.readers.raw import Raw, stem
 from handtrack.sequences.titles import joints_key
 
@@ -24,26 +27,60 @@ NPY_MAGIC = b"\x93NUMPY"
 
 
 def read_npy(data: bytes, path: Path) -> list[Raw]:
-    """The one sequence of a .npy file: (T, 21, 3), (T, 63) or (21, 3).
+    """The sequences of a .npy file: of (T, 21, 3), (T, 63), (21, 3) and the like, of a record
+    type's fields, or of objects, of which nothing is run.
 
     Raises:
         InputError: damaged, not numbers, or another shape.
     """
-    array = npz.read_npy(data, path)
+    array = npz.read_npy(data, path, lambda objects: _Pickled(objects))
+    if isinstance(array, _Pickled):
+        return pickled.read_pickle(array.data, path)
+    if array.dtype.names is not None:
+        fields = {name: array[name] for name in array.dtype.names}
+        return flat_too(lambda f: _named(f, path), _alone(fields))
     whole = freemocap.holistic(array, path)
     if whole is not None:
         return whole
     if array.ndim == 2 and array.shape[1] == 64 and array.dtype.kind in "fiu":
-        raws = [Raw(as_frames(a, path, "the array"), path, stem(path)) for a in _labelled(array)]
-        return [replace(part, notes=(LABELLED,)) for raw in raws for part in two_hands(raw)]
-    return flat_too(
-        lambda a: two_hands(Raw(as_frames(a, path, "the array"), path, stem(path))), array
-    )
+        return _of_64(array, path)
+    return flat_too(lambda a: two_hands(_of_array(a, path)), array)
 
 
-def _labelled(array: NDArray[Any]) -> list[NDArray[Any]]:
-    """The numbers of hands that have a label behind them; as they are, where they have none."""
-    return [array[:, :-1] if is_label_last(array.astype(np.float64)) else array]
+class _Pickled(NamedTuple):
+    """An array of objects, as it stands in the file."""
+
+    data: bytes
+
+
+def _of_array(array: NDArray[Any], path: Path) -> Raw:
+    joints, sure = frames_and_sure(array, path, "the array")
+    return Raw(joints, path, stem(path), confidence=sure)
+
+
+def _of_64(array: NDArray[Any], path: Path) -> list[Raw]:
+    """The hands of rows of 64 numbers: a time or a frame's before the joints', or a label behind.
+
+    Raises:
+        InputError: neither.
+    """
+    numbers = array.astype(np.float64)
+    if is_label_last(numbers):
+        found = two_hands(_of_array(array[:, :-1], path))
+        return [replace(raw, notes=(*raw.notes, LABELLED)) for raw in found]
+    first = numbers[:, 0]
+    if not (np.isfinite(first).all() and (np.diff(first) > 0).all()):
+        as_frames(array, path, "the array")  # says what was expected
+    raw = _of_array(array[:, 1:], path)
+    if (first == np.round(first)).all() and np.abs(first).max() < _COUNTED:
+        raw.frame_index = first.astype(np.int64)
+    else:
+        raw.stamps = Stamps(first, "the first column", None)
+    return two_hands(raw)
+
+
+_COUNTED = 1e7
+"""Whole numbers below it count frames."""
 
 
 def read_npz(data: bytes | Path, path: Path) -> list[Raw]:
@@ -59,7 +96,18 @@ def read_npz(data: bytes | Path, path: Path) -> list[Raw]:
         return mano_params.from_named(fields, path)
     if visionpro.arrays(fields):
         return visionpro.from_arrays(fields, path)
-    return flat_too(lambda f: _named(f, path), _alone(fields))
+    return flat_too(lambda f: _named(f, path), _alone(_one_a_frame(fields)))
+
+
+def _one_a_frame(fields: dict[str, Any]) -> dict[str, Any]:
+    """With the arrays of a frame each, under its number, as one; else as they are."""
+    if not all(isinstance(v, np.ndarray) and v.shape == (N_JOINTS, 3) for v in fields.values()):
+        return fields
+    frames = by_number({name: array.tolist() for name, array in fields.items()})
+    if not frames:
+        return fields
+    joints = np.array([frame["joints"] for frame in frames])
+    return {"frame": np.array([frame["frame"] for frame in frames]), "joints": joints}
 
 
 def _named(fields: dict[str, Any], path: Path) -> list[Raw]:

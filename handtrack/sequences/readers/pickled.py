@@ -52,6 +52,8 @@ def read_pickle(data: bytes, path: Path) -> list[Raw]:
         InputError: damaged, or not as its format says.
     """
     content = unpickle(data, path)
+    if isinstance(content, list) and len(content) == 1 and isinstance(content[0], dict):
+        content = content[0]  # np.save keeps an object as an array of one
     if isinstance(content, dict) and _HO3D in content:
         return _ho3d([(0, path, content)], path)
     if isinstance(content, dict) and _FRANKMOCAP in content:

@@ -113,6 +113,12 @@ class Raw:
     shown: Shown | None = None
     notes: tuple[str, ...] = ()
 
+    @property
+    def says_nothing(self) -> bool:
+        """Whether neither a unit nor the source's kind says what the joints' numbers are."""
+        known = self.unit, self.order, self.detector or None, self.shown, self.mano, self.pending
+        return all(said is None for said in known)
+
 
 def take_rows(raw: Raw, rows: NDArray[np.int64]) -> Raw:
     """Some of the frames, in that order."""

@@ -18,8 +18,9 @@ from handtrack.hand.skeleton import Hand
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import words
 from handtrack.sequences.readers.beside_world import with_pictures, without_world
-from handtrack.sequences.readers.fields import RATES, UNIT_KEYS, as_frames, detector_of
+from handtrack.sequences.readers.fields import RATES, UNIT_KEYS, detector_of
 from handtrack.sequences.readers.found import Found, hands_in, names_hands, side_of
+from handtrack.sequences.readers.joint_frames import as_frames
 from handtrack.sequences.readers.jsontext import blanks_as_null
 from handtrack.sequences.readers.pictures import seen_in_picture
 from handtrack.sequences.readers.points import are_points, read_points
