@@ -69,6 +69,9 @@ def main(arguments: list[str] | None = None) -> int:
     studying.add_argument("--quick", action="store_true", help="only the first three clips")
     profiling = commands.add_parser("profile", help="make the profiles that ship")
     profiling.add_argument("-o", "--out", type=Path, default=SHIPPED, help="folder")
+    tabling = commands.add_parser("tables", help="what each step brings; errors over deviations")
+    tabling.add_argument("which", choices=("ladder", "uncertainty"))
+    tabling.add_argument("-o", "--out", type=Path, required=True, metavar="OUT.json")
     networks = commands.add_parser("networks", help="depth networks' predictions into clips")
     networks.add_argument("predictions", nargs="+", type=Path, metavar="PREDICTIONS.txt")
     networks.add_argument("--labels", type=Path, required=True, metavar="LABELS.txt")
@@ -85,6 +88,8 @@ def main(arguments: list[str] | None = None) -> int:
             _networks(options)
         elif options.command == "profile":
             _profile(options)
+        elif options.command == "tables":
+            _tables(options)
         else:
             _study(options)
     except HandtrackError as error:
@@ -123,6 +128,20 @@ def _profile(options: argparse.Namespace) -> None:
 
     tuned = [case for clip in read_folder(DATA / "tune") for case in cases(clip)]
     make_shipped([*tuned, *_learnt_from()], options.out, print)
+
+
+def _tables(options: argparse.Namespace) -> None:
+    from tools.bench.rendered.cases import cases
+    from tools.bench.rendered.ladder import ladder, uncertainty, write_table
+
+    def some(split: str, step: int) -> list[Case]:
+        return [c for clip in read_folder(DATA / split)[::step] for c in cases(clip)]
+
+    if options.which == "ladder":
+        found = ladder(some("tune", 5), _learnt_from())
+    else:
+        found = uncertainty(some("tune", 7), _learnt_from(), some(SPLITS[-1], 2))
+    write_table(found, options.out)
 
 
 def _learnt_from() -> list[Case]:

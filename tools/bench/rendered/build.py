@@ -39,10 +39,11 @@ _HELD_OUT = {
     "holdout4": (220, 0.25, 6000),
     "holdout5": (320, 0.0, 7000),
     "holdout6": (440, 0.6, 8000),
+    "holdout7": (560, 0.35, 9000),
 }
-SPLITS = ("tune", "holdout", "holdout2", "holdout3", "holdout4", "holdout5")
+SPLITS = ("tune", "holdout", "holdout2", "holdout3", "holdout4", "holdout5", "holdout6")
 """What is measured."""
-NEXT = "holdout6"
+NEXT = "holdout7"
 """Held out for the next time: planned, and not drawn yet."""
 
 
