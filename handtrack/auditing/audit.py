@@ -8,15 +8,19 @@ from dataclasses import replace
 import numpy as np
 
 from handtrack.auditing.bones import bone_findings, limit_findings, shape_findings, side_findings
-from handtrack.auditing.findings import KINDS, Audited, Finding
-from handtrack.auditing.motion import frozen_findings, motion_findings, time_findings
+from handtrack.auditing.findings import KINDS, Audited, Finding, merged
+from handtrack.auditing.motion import jump_findings, time_findings
+from handtrack.auditing.notes import note_findings
+from handtrack.auditing.repeats import frozen_findings
+from handtrack.auditing.shakes import shake_findings
 from handtrack.errors import InputError
 from handtrack.sequences.identity import repair_identity
 from handtrack.sequences.sequence import Sequence
 
 _CHECKS = (
-    *(shape_findings, side_findings, time_findings, frozen_findings, motion_findings),
-    *(bone_findings, limit_findings),
+    *(shape_findings, side_findings, time_findings, frozen_findings, jump_findings),
+    *(shake_findings,),
+    *(bone_findings, limit_findings, note_findings),
 )
 _RESIDUAL_MM, _RESIDUAL = 3.0, 1.5
 """A calibrated hand that leaves so much more than any hand of rigid bones does."""
@@ -52,10 +56,15 @@ def _audited(s: Sequence, repaired: Sequence, fit: bool) -> Audited:
         findings += check(s, numbers)
     if fit:
         findings += _unexplained(s, numbers)
-    findings.sort(key=lambda f: KINDS.index(f.kind))
+    findings = [merged(same) for same in _by_kind(findings)]
     return Audited(
         s.name, s.hand, s.source, s.time_ns, s.frame_index, s.joints, tuple(findings), numbers
     )
+
+
+def _by_kind(findings: list[Finding]) -> list[list[Finding]]:
+    by_kind = [[f for f in findings if f.kind == kind] for kind in KINDS]
+    return [same for same in by_kind if same]
 
 
 def _swapped(s: Sequence, repaired: Sequence) -> list[Finding]:

@@ -11,11 +11,17 @@ from handtrack.auditing.findings import Finding, Marks
 from handtrack.evaluation.anatomy import bone_lengths
 from handtrack.evaluation.arrays import Array, nan_mean
 from handtrack.evaluation.shake import bends
-from handtrack.hand.skeleton import BASES, N_JOINTS, ORDERS
+from handtrack.hand.skeleton import BASES, JOINT_NAMES, N_JOINTS, ORDERS
 from handtrack.sequences.chirality import frame_chirality
 from handtrack.sequences.sequence import Sequence
 from handtrack.sequences.size import palm_length
-from handtrack.sequences.skeleton_check import better_order, median
+from handtrack.sequences.skeleton_check import (
+    GOOD,
+    better_order,
+    folded_back,
+    median,
+    misfit,
+)
 
 SLOW = 31
 """Frames whose median is a slow part."""
@@ -52,8 +58,12 @@ _JUMP, _JUMP_SPREADS = 0.15, 8.0
 """A bone that is so much longer or shorter than it was (logarithm), and beyond its noise."""
 _BREATH = 0.04
 """Slow changes of the hand's size, or of one bone's, that are let pass."""
+_SIZED, _SIZE = 7, 0.06
+"""The same of the size's median over few frames."""
 _PALM_M = (0.06, 0.125)
 """Wrist to knuckles, of a child of four to the largest adult."""
+_NO_HAND, _FEW = 1.65, 10
+"""A misfit that no hand has, and frames that are too few to tell."""
 _OPPOSITE, _VOTES = 0.5, 9
 _LEAST_RUN = 5
 # farther than any joint bends: PIP and DIP, with 15 degrees for landmarks that are no centres
@@ -84,11 +94,14 @@ def bone_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
             float(np.abs(off[t, b]) / most[b]),
         )
     breath = np.abs(slow(off)), np.abs(slow(size))
+    # the whole hand's size is of so many bones that it needs no long window
+    breath = breath[0], np.fmax(breath[1], np.abs(slow(size, _SIZED)) * (_BREATH / _SIZE))
     # noise is averaged over the window, but not to nothing
     bounds = np.maximum(_BREATH, 1.5 * robust_deviation(off - slow(off))), np.array([_BREATH])
     marks = _of_bones(breath[0] > bounds[0]) | (breath[1] > bounds[1])
     marks &= s.present
-    if marked_runs(np.asarray(marks.any(1)), 2 * _LEAST_RUN):
+    sized = breath[1][:, 0] > _BREATH
+    if marked_runs(np.asarray(marks.any(1)), 2 * _LEAST_RUN) or marked_runs(sized, _LEAST_RUN):
         worst = max(float(np.nanmax(b)) for b in breath if not np.isnan(b).all())
         yield Finding(
             "bones breathe",
@@ -112,10 +125,40 @@ def shape_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
             everywhere,
             float(ratio),
         )
-    other = better_order(s.joints, ORDERS["handtrack"], len(s))
+    yield from _order_findings(s)
+
+
+def _order_findings(s: Sequence) -> Iterator[Finding]:
+    """Joints of another order, told by bones that fit, that fold back or that are no hand's."""
+    own = ORDERS["handtrack"]
+    other = better_order(s.joints, own, len(s))
     if other is not None:
-        name = other.name or "two joints exchanged"
-        yield Finding("order", f"the joints make a hand in another order: {name}", everywhere, 4.0)
+        moved = [JOINT_NAMES[i] for i, place in enumerate(other.picks) if place != i]
+        name = f"in the order {other.name}" if other.name else f"with others as {_some(moved)}"
+        text = f"the joints make a hand {name}: misfit {other.misfit:.2f} instead of"
+        yield _order(s, f"{text} {misfit(s.joints, own):.2f} (a hand's is below {GOOD})")
+        return
+    folded = [JOINT_NAMES[j] for j in folded_back(s.joints, own)] if len(s) >= _FEW else []
+    if folded:
+        yield _order(
+            s,
+            f"bones fold back by more than 135 degrees at {_some(folded)} in most"
+            " frames: joints of a finger in another order",
+        )
+        return
+    value = misfit(s.joints, own)
+    if len(s) >= _FEW and value > _NO_HAND:
+        yield _order(
+            s, f"the bones are no hand's in this order: misfit {value:.2f}, of a hand below {GOOD}"
+        )
+
+
+def _order(s: Sequence, text: str) -> Finding:
+    return Finding("order", text, s.present.copy(), 4.0)
+
+
+def _some(names: list[str]) -> str:
+    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
 
 
 def side_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:

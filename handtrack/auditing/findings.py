@@ -47,6 +47,15 @@ class Finding:
         return int(self.marks.any(1).sum())
 
 
+def merged(findings: list[Finding]) -> Finding:
+    """One finding of several of one kind in one sequence."""
+    if len(findings) == 1:
+        return findings[0]
+    marks = np.any([f.marks for f in findings], axis=0)
+    text = "; ".join(f.text for f in findings)
+    return Finding(findings[0].kind, text, marks, max(f.severity for f in findings))
+
+
 @dataclass(frozen=True, eq=False)
 class Audited:
     """What cannot be true of a sequence.

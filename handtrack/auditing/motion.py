@@ -1,4 +1,4 @@
-"""Time that jumps, frames that repeat, hands and joints that are suddenly elsewhere, shakes."""
+"""Time that jumps or goes at no camera's rate; hands and joints that are suddenly elsewhere."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from handtrack.auditing.findings import Finding
 from handtrack.evaluation.arrays import Array, lengths
 from handtrack.evaluation.motion import gaps_between
-from handtrack.evaluation.shake import palm_motion, shake_values
+from handtrack.evaluation.shake import palm_motion
 from handtrack.hand.skeleton import PALM
 from handtrack.sequences.sequence import Sequence
 from handtrack.sequences.skeleton_check import median
@@ -21,14 +21,25 @@ _TIMES = 10.0
 """And how many times as far as it usually is."""
 _SPEED_M_S = 12.0
 """No hand is as fast."""
-_SHAKE_MM, _SHAKE_DEG = 2.5, 8.0
-"""Median shakes of the palm and of the fingers that are let pass."""
+_TURN_DEG = 30.0
+"""How far the palm may be turned from between its neighbours in time."""
+_FPS = 1.0, 1000.0
+"""Frames a second that are let pass."""
 
 
 def time_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
     """Steps of time that are no frame's."""
     steps = np.diff(s.time_ns) * 1e-9
     numbers["fps"] = float(1 / np.median(steps)) if len(steps) else float("nan")
+    rate = numbers["fps"]
+    if s.timed and not (np.isnan(rate) or _FPS[0] <= rate <= _FPS[1]):
+        yield Finding(
+            "time",
+            f"{rate:.4g} frames/s; {_FPS[0]:g} to {_FPS[1]:g} are let pass: times are in another"
+            " unit",
+            s.present.copy(),
+            max(_FPS[0] / rate, rate / _FPS[1]),
+        )
     broken = gaps_between(s.time_ns, len(s)) if s.timed else np.zeros(len(s) - 1, dtype=bool)
     if broken.any():
         usual = float(np.median(steps))
@@ -36,41 +47,15 @@ def time_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
         yield Finding(
             "time",
             f"time jumps {int(broken.sum())} times: a step of {worst:.3g} times the usual"
-            f" {1e3 * usual:.3g} ms, or its inverse",
+            f" {1e3 * usual:.3g} ms, or its inverse; half to 1.5 times are let pass",
             _frames(s, np.concatenate([[False], broken])),
             worst / 1.5,
         )
 
 
-def frozen_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
-    """Frames that are an earlier one to the last digit."""
-    seen: dict[bytes, int] = {}
-    marks = np.zeros(len(s), dtype=bool)
-    for t in np.flatnonzero(s.present.any(1)):
-        key = s.joints[t].tobytes()
-        marks[t] = key in seen
-        seen.setdefault(key, int(t))
-    numbers["repeated_percent"] = 100 * float(marks.mean())
-    if marks.any():
-        n = int(marks.sum())
-        held = marks & np.concatenate([[False], (s.joints[1:] == s.joints[:-1]).any((1, 2))])
-        how = "the frame before" if held.sum() > n / 2 else "an earlier frame"
-        text = f"{n} frames repeat {how} to the last digit"
-        yield Finding("frozen", text, _frames(s, marks), 1 + 9 * float(marks.mean()))
-
-
-def motion_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
-    """Jumps and shakes, both seen from the palm."""
-    palm = palm_motion(s.joints)
-    yield from _jump_findings(s, palm, numbers)
-    yield from _shake_findings(s, palm, numbers)
-
-
-def _jump_findings(
-    s: Sequence, palm: tuple[Array, Array], numbers: dict[str, float]
-) -> Iterator[Finding]:
-    """A hand that is suddenly elsewhere, and joints that are without their hand."""
-    middle, turns = palm
+def jump_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
+    """A hand that is suddenly elsewhere, or turned, and joints that are without their hand."""
+    middle, turns = palm_motion(s.joints)
     broken = gaps_between(s.time_ns, len(s))
     off = _between(middle[:, None], broken)[:, 0]
     most = max(_GLITCH_M, _TIMES * float(median(off, 0)))
@@ -87,6 +72,19 @@ def _jump_findings(
             _frames(s, marks),
             max(1.0, far / most),
         )
+    turned = np.rad2deg(_turned(turns, broken))
+    most_deg = max(_TURN_DEG, _TIMES * float(median(turned, 0)))
+    spun = (turned > most_deg) & ~marks
+    if spun.any():
+        far = float(turned[spun].max())
+        yield Finding(
+            "jump",
+            f"the palm is turned by {far:.0f} degrees from between its neighbours in time;"
+            f" {most_deg:.0f} is let pass",
+            _frames(s, spun),
+            far / most_deg,
+        )
+        marks = marks | spun
     inside = np.einsum("tji,tkj->tki", turns, s.joints - middle[:, None])
     beside = _between(inside, broken)
     limit = np.maximum(_JOINT_M, _TIMES * median(beside, 0))
@@ -105,22 +103,6 @@ def _jump_findings(
         )
 
 
-def _shake_findings(
-    s: Sequence, palm: tuple[Array, Array], numbers: dict[str, float]
-) -> Iterator[Finding]:
-    """The whole hand's shake, and that of the fingers by themselves."""
-    values = shake_values(s.joints, s.time_ns, palm=palm)
-    for kind, name, most, unit in (
-        ("hand shakes", "palm_mm", _SHAKE_MM, "mm"),
-        ("fingers shake", "fingers_deg", _SHAKE_DEG, "degrees"),
-    ):
-        usual = float(median(values[name], 0))
-        numbers[f"shake_{name}"] = usual
-        if usual > most:
-            text = f"{kind} by {usual:.3g} {unit} about parabolas (median); {most:g} is let pass"
-            yield Finding(kind, text, _frames(s, values[name] > most), usual / most)
-
-
 def _between(x: Array, broken: NDArray[np.bool_]) -> Array:
     """(T, n) distance of points (T, n, 3) from the middle of those before and after; NaN at gaps.
 
@@ -131,6 +113,21 @@ def _between(x: Array, broken: NDArray[np.bool_]) -> Array:
         out[1:-1] = lengths(x[1:-1] - (x[2:] + x[:-2]) / 2)
         out[1:-1][broken[1:] | broken[:-1]] = np.nan
     return out
+
+
+def _turned(turns: Array, broken: NDArray[np.bool_]) -> Array:
+    """(T,) angle [rad] of palms (T, 3, 3) from half way between those before and after."""
+    out = np.full(len(turns), np.nan)
+    if len(turns) > 2:
+        step = np.einsum("tji,tjk->tik", turns[:-1], turns[1:])
+        # half the difference of two steps is the distance from their middle
+        out[1:-1] = 0.5 * _angle(np.einsum("tij,tkj->tik", step[1:], step[:-1]))
+        out[1:-1][broken[1:] | broken[:-1]] = np.nan
+    return out
+
+
+def _angle(turns: Array) -> Array:
+    return np.asarray(np.arccos(np.clip((np.trace(turns, axis1=1, axis2=2) - 1) / 2, -1, 1)))
 
 
 def _frames(s: Sequence, marks: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from handtrack import __version__
 from handtrack.auditing.findings import Audited
+from handtrack.auditing.reading import Unread
 from handtrack.evaluation.shake import palm_motion
 from handtrack.hand.skeleton import BONES
 
@@ -34,7 +35,7 @@ _NUMBERS = (
 )
 
 
-def to_html(audits: list[Audited]) -> str:
+def to_html(audits: list[Audited], unread: list[Unread] | None = None) -> str:
     """One page that needs nothing but itself; the worst sequences first."""
     head = "".join(f'<th class="n">{h}</th>' for h in ("score", "frames", "marked %"))
     head += "".join(f'<th class="n">{h}</th>' for h, _ in _NUMBERS)
@@ -45,9 +46,17 @@ def to_html(audits: list[Audited]) -> str:
         f"<style>{_STYLE}</style><h1>What cannot be true of {len(audits)} sequences</h1>"
         "<p>The worst first: every kind of fault counts by the square root of the share of frames"
         " it is in, and more the further it is beyond what is let pass.</p>"
-        f"<table><tr><th>sequence</th><th>hand</th>{head}</tr>{rows}</table>{parts}"
+        f"<table><tr><th>sequence</th><th>hand</th>{head}</tr>{rows}</table>"
+        f"{_unread(unread or [])}{parts}"
         f"<p>Made by handtrack {__version__}.</p></html>"
     )
+
+
+def _unread(unread: list[Unread]) -> str:
+    if not unread:
+        return ""
+    lines = "".join(f"<li>{html.escape(u.error)}</li>" for u in unread)
+    return f"<h2>Not read ({len(unread)})</h2><ul>{lines}</ul>"
 
 
 def _row(i: int, a: Audited) -> str:

@@ -18,6 +18,7 @@ from handtrack.files.whole import whole_file
 if TYPE_CHECKING:
     from handtrack import Sequence
     from handtrack.auditing.findings import Audited
+    from handtrack.auditing.reading import DataSet
 
 
 @click.command(cls=Command, short_help="What cannot be true of joint sequences; the worst first.")
@@ -57,16 +58,23 @@ def audit(
         if path is not None:
             check_target(path, suffix, option, list(data))
     given = Reading(**reading)
-    audits = find(_sequences(data, given, quiet or as_json), fit=not no_fit)
+    sequences, unread = _read(data, given, quiet or as_json)
+    audits = find(sequences, fit=not no_fit)
     if as_json:
-        click.echo(json.dumps({"sequences": [a.to_dict() for a in audits]}, indent=2))
+        told = {
+            "sequences": [a.to_dict() for a in audits],
+            "unread": [u.to_dict() for u in unread],
+        }
+        click.echo(json.dumps(told, indent=2))
     elif not quiet:
         _print(audits)
+        for one in unread:
+            click.echo(f"not read: {one.error}")
     if html is not None:
         from handtrack.auditing.page import to_html
 
         with whole_file(html) as part:
-            part.write_text(to_html(audits), encoding="utf-8")
+            part.write_text(to_html(audits, unread), encoding="utf-8")
     if mask is not None:
         import pyarrow.parquet as pq
 
@@ -77,18 +85,15 @@ def audit(
             click.echo(f"wrote {path}", err=as_json)
 
 
-def _sequences(data: tuple[Path, ...], reading: Reading, quiet: bool) -> list[Sequence]:
-    from dataclasses import replace
+def _read(data: tuple[Path, ...], reading: Reading, quiet: bool) -> DataSet:
+    from handtrack.auditing.reading import read_data
 
-    from handtrack.sequences.unique import unique_names
+    def detect(path: Path) -> list[Sequence]:
+        return reading.load(path, quiet)
 
-    found: list[Sequence] = []
-    for path in data:
-        sequences = (
-            reading.load_folder(path, quiet)[0] if path.is_dir() else reading.load(path, quiet)
-        )
-        found += [s if s.source else replace(s, source=str(path)) for s in sequences]
-    return unique_names(found)  # two files may be called the same
+    found = read_data(data, detect, **reading.load_options)
+    reading.say_notes(found.sequences, quiet)
+    return found
 
 
 def _print(audits: list[Audited]) -> None:

@@ -62,7 +62,7 @@ class Reading(NamedTuple):
 
         if found is None and pictures_in(path) is not None:
             found = self.detect(path, quiet)
-        sequences = ht.load(path, **self._options) if found is None else self.labelled(found)
+        sequences = ht.load(path, **self.load_options) if found is None else self.labelled(found)
         self.say_notes(sequences, quiet)
         return sequences
 
@@ -74,12 +74,12 @@ class Reading(NamedTuple):
         """
         from handtrack.sequences.load import load_some
 
-        sequences, passed_over = load_some(path, **self._options)
+        sequences, passed_over = load_some(path, **self.load_options)
         self.say_notes(sequences, quiet)
         return sequences, passed_over
 
     @property
-    def _options(self) -> dict[str, Any]:
+    def load_options(self) -> dict[str, Any]:
         """As `handtrack.load` takes them."""
         given = self._asdict() | {"frames": self.frame_range}
         return given | {"hand": None if self.hand == "auto" else self.hand}

@@ -199,11 +199,12 @@ def bends(x: Array) -> Array:
 
 def _fast(x: Array, broken: NDArray[np.bool_]) -> Array:
     """(T, n) less the parabola through the window about each frame; NaN where that is not whole."""
-    return x - _followed(x, broken)
+    return x - followed(x, broken)
 
 
-def _followed(x: Array, broken: NDArray[np.bool_]) -> Array:
-    """(T, n) the parabolas' values in the middle of their windows."""
+def followed(x: Array, broken: NDArray[np.bool_]) -> Array:
+    """(T, n) of (T, n) the values in the middle of parabolas through 11 frames; NaN where one of
+    these is missing or steps (T-1,) between them are `broken`."""
     out = np.full(x.shape, np.nan)
     if len(x) < WINDOW:
         return out
@@ -221,8 +222,8 @@ def _fast_turn(turns: Array, broken: NDArray[np.bool_]) -> Array:
     The parabola is that of the matrices, and what it gives is no more a turn than their mean
     is: the angle is that of the nearest one, to third order in the turns within a window.
     """
-    followed = _followed(turns.reshape(len(turns), 9), broken).reshape(turns.shape)
-    apart = np.swapaxes(turns, -1, -2) @ followed
+    smooth = followed(turns.reshape(len(turns), 9), broken).reshape(turns.shape)
+    apart = np.swapaxes(turns, -1, -2) @ smooth
     axis = np.stack([apart[:, k - 1, k - 2] - apart[:, k - 2, k - 1] for k in range(3)], 1) / 2
     return np.asarray(np.arctan2(lengths(axis), (np.trace(apart, axis1=1, axis2=2) - 1) / 2))
 

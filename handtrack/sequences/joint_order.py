@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +50,21 @@ class Reading(NamedTuple):
     name: str
     stated: bool
     notes: tuple[str, ...] = ()
+
+
+class OtherOrder(InputError):
+    """Joints are clearly in another order than was taken.
+
+    Attributes:
+        order: the one that they are in, as `load` takes it.
+    """
+
+    def __init__(self, message: str, order: str, path: str | Path | None = None):
+        super().__init__(message, path)
+        self.order = order
+
+    def __reduce__(self) -> tuple[type[OtherOrder], tuple[str, str], dict[str, object]]:
+        return type(self), (str(self), self.order), {"path": self.path}
 
 
 def check_order(order: str | None) -> None:
@@ -191,9 +207,10 @@ def _doubts(raw: Raw, reading: Reading, order: str | None) -> list[str]:
     if order != AXIS_MAJOR:
         turned = misfit(ordered_by_axis(joints), reading.picks)
         if clearly_better(turned, own, 1):
-            raise InputError(
+            raise OtherOrder(
                 "the numbers of a frame seem to be all x, then all y, then all z: pass --order"
                 f" {AXIS_MAJOR}",
+                AXIS_MAJOR,
                 raw.path,
             )
     better = better_order(joints, reading.picks, frames)
@@ -201,8 +218,10 @@ def _doubts(raw: Raw, reading: Reading, order: str | None) -> list[str]:
         cure = better.name or ",".join(map(str, better.picks))
         text = f"the bones are a hand's in the joint order {cure}, not in {reading.name}"
         if not reading.stated:
-            raise InputError(
-                f"{text}: pass --order {cure} (or --order {reading.name} to insist)", raw.path
+            raise OtherOrder(
+                f"{text}: pass --order {cure} (or --order {reading.name} to insist)",
+                cure,
+                raw.path,
             )
         return [f"{text}: is it --order {cure}?"]
     chance = beyond_chance(joints, reading.picks)

@@ -47,6 +47,19 @@ _FINGERS = [
     (0, *(int(BASES[f]) + i for f in order for i in range(4))) for order in permutations(range(5))
 ]
 
+# and with one finger, or all of them, from the tip on
+_REVERSED = [
+    tuple(
+        [0]
+        + [
+            int(b) + i
+            for f, b in enumerate(BASES)
+            for i in ((3, 2, 1, 0) if f in turned else range(4))
+        ]
+    )
+    for turned in ((0,), (1,), (2,), (3,), (4,), (1, 2, 3, 4), (0, 1, 2, 3, 4))
+]
+
 
 class OrderFit(NamedTuple):
     """How well joints make a hand when read in one order.
@@ -131,11 +144,12 @@ def clearly_better(other: float, own: float, frames: int) -> bool:
 def better_order(joints: Array, picks: Picks, frames: int) -> OrderFit | None:
     """The order that makes a clearly better hand of joints (T, N, 3) than `picks`, if one does.
 
-    Looked at are the named orders of N joints, and `picks` with the fingers exchanged.
+    Looked at are the named orders of N joints, and `picks` with the fingers exchanged or turned
+    round.
     """
     logs = _log_distances(joints)
     named = orders_of(joints.shape[1])
-    exchanged = [tuple(picks[k] for k in fingers) for fingers in _FINGERS]
+    exchanged = [tuple(picks[k] for k in fingers) for fingers in _FINGERS + _REVERSED]
     tries = [p for p in (*named.values(), *exchanged) if p != picks]
     values = _fair_misfits(logs, np.array([picks, *tries]))
     if not np.isfinite(values).any():

@@ -264,3 +264,111 @@ def test_known_faults_of_real_data(shared_data):
         kinds = {f.kind: f for f in result.findings}
         assert "throughout" in kinds["other hand"].text
         assert "swapped" in kinds
+
+
+def test_weak_shakes_are_found_even_for_a_while():
+    rng = np.random.default_rng(5)
+    for seed in range(4):
+        shaken = clean(40 + seed, noise_mm=0.3).joints.copy()
+        shaken[80:120] += rng.normal(0, 0.003, (40, 1, 3))
+        marks = found(with_joints(clean(40 + seed), shaken))["hand shakes"].marks.any(1)
+        assert marks[90:110].all()
+        assert marks.sum() < 60
+        one = clean(60 + seed, noise_mm=0.3).joints.copy()
+        one[:, 6:9] += rng.normal(0, 0.003, (N, 3, 3))
+        finding = found(with_joints(clean(60 + seed), one))["fingers shake"]
+        assert finding.marks[:, 6:9].any()
+        assert not finding.marks[:, 13:].any()
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        np.r_[0, 4, 3, 2, 1, 5:21],
+        np.r_[0:13, 17:21, 13:17],
+        np.r_[0:5, 8, 7, 6, 5, 9:21],
+        np.r_[1:21, 0],
+    ],
+    ids=["thumb reversed", "little for ring", "index reversed", "wrist last"],
+)
+def test_other_orders_are_named(order):
+    for seed in (2, 11, 17):
+        s = clean(seed, noise_mm=1.0)
+        finding = found(with_joints(s, s.joints[:, order]))["order"]
+        assert "misfit" in finding.text
+
+
+def test_a_turned_palm_and_a_held_finger_are_found():
+    s = clean(9)
+    joints = s.joints.copy()
+    middle = joints[70].mean(0)
+    joints[70] = (joints[70] - middle) @ vector_to_matrix(np.array([0, 0, 1.0])).T + middle
+    assert found(with_joints(s, joints))["jump"].marks[70].all()
+    joints = s.joints.copy()
+    joints[100:110, 9:13] = joints[100, 9:13]
+    finding = found(with_joints(s, joints))["frozen"]
+    assert np.flatnonzero(finding.marks.any(1)).tolist() == list(range(101, 110))
+    assert np.flatnonzero(finding.marks.any(0)).tolist() == [9, 10, 11, 12]
+
+
+def test_coarse_numbers_of_a_resting_hand_are_no_frozen_frames():
+    s = clean(3)
+    joints = np.round(s.joints[:1] + np.random.default_rng(1).normal(0, 1e-4, s.joints.shape), 3)
+    assert "frozen" not in found(with_joints(s, joints))
+
+
+@pytest.mark.parametrize("factor", [1000, 0.001])
+def test_times_in_another_unit_are_found(factor):
+    s = clean(6)
+    stamps = (s.time_ns * factor).astype(np.int64)
+    finding = found(replace(s, time_ns=stamps))["time"]
+    assert "frames/s" in finding.text
+    assert finding.marks.any(1).all()
+
+
+def written(path, s, scale=1.0, order=None, stamps=None):
+    joints = s.joints if order is None else s.joints[:, order]
+    stamps = s.time_ns if stamps is None else stamps
+    np.savez(path, joints_m=scale * joints, time_ns=stamps, hand=s.hand)
+
+
+def test_a_data_set_with_files_of_other_units_orders_and_clocks(tmp_path, capsys):
+    """What the reader cures is told, what it cannot read ends nothing."""
+    data = tmp_path / "data"
+    data.mkdir()
+    written(data / "good.npz", clean(1))
+    written(data / "cm.npz", clean(2), scale=100)
+    written(data / "order.npz", clean(3), order=np.r_[0:13, 17:21, 13:17])
+    written(data / "both.npz", clean(4), scale=100, order=np.r_[0:13, 17:21, 13:17])
+    back = clean(5).time_ns.copy()
+    back[120:] -= back[120] - back[60]
+    written(data / "back.npz", clean(5), stamps=back)
+    twice = clean(6).time_ns.copy()
+    twice[50] = twice[49]
+    written(data / "twice.npz", clean(6), stamps=twice)
+    written(data / "us.npz", clean(7), stamps=clean(7).time_ns // 1000)
+    (data / "cut.npz").write_bytes((data / "good.npz").read_bytes()[:4000])
+    mask = tmp_path / "mask.parquet"
+    call = ["audit", str(data), "--json", "--no-fit", "--mask", str(mask)]
+    assert run([*call, "--html", str(tmp_path / "a.html")]) == 0
+    told = json.loads(capsys.readouterr().out)
+    kinds = {s["name"]: {f["kind"]: f for f in s["findings"]} for s in told["sequences"]}
+    assert {name: set(k) for name, k in kinds.items()} == {
+        "good": set(),
+        "cm": {"unit"},
+        "order": {"order"},
+        "both": {"unit", "order"},
+        "back": {"time"},
+        "twice": {"time"},
+        "us": {"time"},
+    }
+    assert "cm" in kinds["cm"]["unit"]["text"]
+    assert kinds["back"]["time"]["first"] == 120
+    assert kinds["us"]["time"]["frames"] == N
+    (unread,) = told["unread"]
+    assert unread["source"].endswith("cut.npz")
+    assert "cut short" in unread["error"]
+    assert "cut.npz" in (tmp_path / "a.html").read_text()
+    files = [str(p) for p in sorted(data.iterdir())]
+    assert run(["audit", *files, "--no-fit"]) == 0
+    assert "not read: " in capsys.readouterr().out
