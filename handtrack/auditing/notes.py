@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from handtrack.auditing.findings import Finding
+from handtrack.evaluation.motion import gaps_between
 from handtrack.sequences.sequence import Sequence
 
 _SAID = (
@@ -28,6 +29,8 @@ _SAID = (
 )
 """Of what kind a note is, by its words (`sequences.clock`, `joint_order`, `size`)."""
 _PLACE = re.compile(r"at frame (\d+)|the first is frame (\d+)")
+_FEW = re.compile(r" is repeated in | is missing in ")
+"""What is of some frames: those whose steps of time are no others'."""
 _SEVERITY = 4.0
 
 
@@ -53,7 +56,9 @@ def note_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
         for note in notes:
             place = _PLACE.search(note)
             if place is None:
-                marks |= s.present
+                unusual = gaps_between(s.time_ns, len(s)) if _FEW.search(note) else np.zeros(0)
+                at = np.flatnonzero(unusual) + 1
+                marks |= s.present if not at.size else np.isin(np.arange(len(s)), at)[:, None]
                 continue
             # the reader counts the frames of the file, from 0
             t = min(int(place.group(1) or place.group(2)), len(s) - 1)

@@ -80,10 +80,10 @@ def read_data(
             sequences += [s if s.source else replace(s, source=str(path)) for s in found]
         except InputError as error:
             failed = [(path, error, True)]
-        for where, error, joints in failed:
-            first = first or error
+        for where, problem, joints in failed:
+            first = first or problem
             try:
-                sequences += _cured(where, error, options)
+                sequences += _cured(where, problem, options)
             except InputError as final:
                 unread.append(Unread(where, str(final), joints))
     if not sequences:
@@ -100,7 +100,7 @@ def _cured(path: Path, error: InputError, options: dict[str, Any]) -> list[Seque
     if path.is_dir() and not isinstance(error, WrongUnit | OtherOrder):
         raise error
     if isinstance(error, WrongUnit) and error.fits is not None and options.get("unit") is None:
-        cure, note = {"unit": error.fits}, cured_unit(error.fits, str(error))
+        cure, note = {"unit": str(error.fits)}, cured_unit(error.fits, str(error))
     elif isinstance(error, OtherOrder) and options.get("order") is None:
         cure, note = {"order": error.order}, cured_order(error.order, str(error))
     else:

@@ -365,6 +365,7 @@ def test_a_data_set_with_files_of_other_units_orders_and_clocks(tmp_path, capsys
     assert "cm" in kinds["cm"]["unit"]["text"]
     assert kinds["back"]["time"]["first"] == 120
     assert kinds["us"]["time"]["frames"] == N
+    assert kinds["twice"]["time"]["frames"] <= 2
     (unread,) = told["unread"]
     assert unread["source"].endswith("cut.npz")
     assert "cut short" in unread["error"]
