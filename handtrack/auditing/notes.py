@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handtrack.auditing.findings import Finding
-from handtrack.evaluation.motion import gaps_between
 from handtrack.sequences.sequence import Sequence
 
 _SAID = (
@@ -56,11 +56,17 @@ def note_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
         for note in notes:
             place = _PLACE.search(note)
             if place is None:
-                unusual = gaps_between(s.time_ns, len(s)) if _FEW.search(note) else np.zeros(0)
-                at = np.flatnonzero(unusual) + 1
+                at = _unusual(s) if _FEW.search(note) else np.zeros(0, dtype=np.int64)
                 marks |= s.present if not at.size else np.isin(np.arange(len(s)), at)[:, None]
                 continue
             # the reader counts the frames of the file, from 0
             t = min(int(place.group(1) or place.group(2)), len(s) - 1)
             marks[t] |= True
         yield Finding(kind, "; ".join(notes), marks, _SEVERITY)
+
+
+def _unusual(s: Sequence) -> NDArray[np.int64]:
+    """Frames after a step of time that is no usual one: a stamp that was repeated halves it."""
+    steps = np.diff(s.time_ns)
+    usual = np.median(steps) if len(steps) else 0
+    return np.flatnonzero((steps < 0.75 * usual) | (steps > 1.5 * usual)) + 1
