@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handtrack.auditing.findings import Finding
 from handtrack.sequences.sequence import Sequence
@@ -28,9 +27,7 @@ _SAID = (
     ("time", r"^frame numbers leap "),
 )
 """Of what kind a note is, by its words (`sequences.clock`, `joint_order`, `size`)."""
-_PLACE = re.compile(r"at frame (\d+)|the first is frame (\d+)")
-_FEW = re.compile(r" is repeated in | is missing in ")
-"""What is of some frames: those whose steps of time are no others'."""
+_PLACE = re.compile(r"(?:at |the first is |\()frame ([\d, ]*\d)")
 _SEVERITY = 4.0
 
 
@@ -56,17 +53,9 @@ def note_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
         for note in notes:
             place = _PLACE.search(note)
             if place is None:
-                at = _unusual(s) if _FEW.search(note) else np.zeros(0, dtype=np.int64)
-                marks |= s.present if not at.size else np.isin(np.arange(len(s)), at)[:, None]
+                marks |= s.present
                 continue
             # the reader counts the frames of the file, from 0
-            t = min(int(place.group(1) or place.group(2)), len(s) - 1)
-            marks[t] |= True
+            at = np.array([int(x) for x in place.group(1).split(", ")])
+            marks[np.minimum(at, len(s) - 1)] = s.present[np.minimum(at, len(s) - 1)]
         yield Finding(kind, "; ".join(notes), marks, _SEVERITY)
-
-
-def _unusual(s: Sequence) -> NDArray[np.int64]:
-    """Frames after a step of time that is no usual one: a stamp that was repeated halves it."""
-    steps = np.diff(s.time_ns)
-    usual = np.median(steps) if len(steps) else 0
-    return np.flatnonzero((steps < 0.75 * usual) | (steps > 1.5 * usual)) + 1

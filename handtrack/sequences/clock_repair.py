@@ -42,6 +42,9 @@ nothing helps."""
 _DISORDER = 0.2
 """Where it goes back in more than this share, nothing does."""
 
+_NAMED = 5
+"""So many repeats are told one by one."""
+
 
 class Repaired(NamedTuple):
     """Times that strictly increase.
@@ -250,6 +253,8 @@ def _repeats(time_ns: Indices, missing: Flags, name: str) -> str:
     equal = np.diff(time_ns) <= 0
     n, repeats = len(time_ns), int(equal.sum())
     said = f"{name} is repeated in {_frames(repeats)} of {n}: spread over the time to the next"
+    if repeats <= _NAMED:
+        said += f" (frame {', '.join(map(str, np.flatnonzero(equal) + 1))})"
     if n >= 8 and n % 2 == 0 and equal[::2].all() and not equal[1::2].any():
         said += " (every stamp stands twice: two hands in one?)"
     return said
