@@ -15,6 +15,8 @@ from handtrack.hand.skeleton import JOINT_NAMES
 from handtrack.sequences.readers.message_rows import NoMessageError, Rows, by_layout
 from tools.make.robot_logs import (
     HUMBLE,
+    START,
+    STEP,
     foxglove_frames,
     marker_array,
     pose_array,
@@ -141,3 +143,37 @@ def test_layouts() -> None:
     with pytest.raises(NoMessageError, match="no seven") as error:
         list(by_layout(messages, read))
     assert error.value.number == 123
+
+
+def test_takes_whose_stamps_begin_anew_are_not_laid_over_each_other(tmp_path: Path) -> None:
+    half = 2 * FRAMES
+
+    def message(time: int, i: int) -> bytes:
+        stamp = START + (i % half) * 100 * STEP
+        joints = RIGHT[i % FRAMES] + [0.0, 0.0, 0.3 * (i >= half)]
+        places = zip(JOINT_NAMES, joints, strict=True)
+        return tf_message(stamp, [("w", f"right_{n}", p, (0, 0, 0, 1)) for n, p in places])
+
+    (found,) = ht.load(write_log(tmp_path / "x.mcap", {"/tf": ros(TF, message)}, N))
+    assert len(found) == N
+    assert any("begin anew" in note for note in found.notes)
+    for i in range(N):
+        wanted = RIGHT[i % FRAMES] + [0.0, 0.0, 0.3 * (i >= half)]
+        np.testing.assert_allclose(found.joints[i], wanted, atol=1e-12)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_frames_of_a_hand_and_a_number(tmp_path: Path, first: int) -> None:
+    def message(time: int, i: int) -> bytes:
+        return tf_message(
+            time,
+            [
+                ("camera", f"{side}_hand_{j + first}", joints[i, j], (0, 0, 0, 1))
+                for side, joints in (("left", LEFT), ("right", RIGHT))
+                for j in range(21)
+            ],
+        )
+
+    left, right = ht.load(write_log(tmp_path / "x.mcap", {"/tf": ros(TF, message)}, FRAMES))
+    np.testing.assert_allclose(left.joints, LEFT)
+    np.testing.assert_allclose(right.joints, RIGHT)

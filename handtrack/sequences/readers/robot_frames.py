@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from handtrack.errors import InputError, shown
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.clock import Stamps
-from handtrack.sequences.names import UNUSED, joint_name, without_hand, words
+from handtrack.sequences.names import UNUSED, JointName, joint_name, without_hand, words
 from handtrack.sequences.readers.array_axes import JOINT_COUNTS
 from handtrack.sequences.readers.message_rows import Ints
 from handtrack.sequences.readers.raw import Array, Raw, stem
@@ -34,6 +34,8 @@ FEWEST = 4
 _DEEPEST = 64
 """Frames above one another."""
 _KIND = re.compile(r"(?i)[/_](pose|point|position|pose_stamped|point_stamped)s?$")
+_BACK_NS = 10**9
+_AGAIN = "stamps of frames begin anew (several takes?): log times taken"
 _STILL = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -43,12 +45,14 @@ class _Told(NamedTuple):
     Attributes:
         numbers: (n,) of the messages.
         times: (n,) [ns].
+        logged: (n,) when the messages were logged [ns].
         above: (n,) which frame it is in: a number of `Frames.parents`.
         poses: (n, 7) where.
     """
 
     numbers: Ints
     times: Ints
+    logged: Ints
     above: Ints
     poses: Array
 
@@ -78,7 +82,7 @@ class Frames:
                 self._parents.append(given.parent)
             above = np.full(len(numbers), self._parents.index(given.parent))
             times = np.where(_stamped(given.stamp), given.stamp, logged)
-            told = _Told(numbers, times, above, given.pose)
+            told = _Told(numbers, times, logged, above, given.pose)
             if not static:
                 self._moving.setdefault(given.child, []).append(told)
             elif given.child not in self._static or (
@@ -112,7 +116,9 @@ class Frames:
         Raises:
             InputError: a frame that is above itself, or names that are not understood.
         """
-        moving = {name: _in_order(told) for name, told in self._moving.items()}
+        whole = {name: _as_logged(told) for name, told in self._moving.items()}
+        again = any(map(_begin_anew, whole.values()))
+        moving = {name: _in_time(told, again) for name, told in whole.items()}
         raws = []
         for hand, columns in _by_hand(sorted(moving.keys() | self._static.keys())).items():
             self._check_names(hand, columns, path)
@@ -130,7 +136,8 @@ class Frames:
                     hand=hand,
                     unit="m",
                     order="handtrack",
-                    stamps=Stamps(times, "stamp", "ns"),
+                    stamps=Stamps(times, "log time" if again else "stamp", "ns"),
+                    notes=(_AGAIN,) if again else (),
                 )
             )
         return raws
@@ -202,13 +209,28 @@ def _stamped(stamps: Ints) -> NDArray[np.bool_]:
     return np.asarray((stamps != 0) & (stamps != UNSTAMPED))
 
 
-def _in_order(told: list[_Told]) -> _Told:
-    """All that was told of a frame, by time, and of one time by message."""
-    numbers, times, above, poses = (np.concatenate(part) for part in zip(*told, strict=True))
-    if (np.diff(times) > 0).all():
-        return _Told(numbers, times, above, poses)
-    order = np.lexsort((numbers, times))
-    return _Told(numbers[order], times[order], above[order], poses[order])
+def _as_logged(told: list[_Told]) -> _Told:
+    """All that was told of a frame, by message."""
+    whole = _Told(*(np.concatenate(part) for part in zip(*told, strict=True)))
+    order = np.argsort(whole.numbers, kind="stable")
+    return whole if len(told) == 1 else _Told(*(part[order] for part in whole))
+
+
+def _begin_anew(told: _Told) -> bool:
+    """Whether stamps fall far back between messages that were logged one after the other, as
+    those of several takes do."""
+    back = np.diff(told.times) < -_BACK_NS
+    return bool(back.any()) and bool((np.diff(told.logged)[back] >= 0).all())
+
+
+def _in_time(told: _Told, logged: bool) -> _Told:
+    """The same by its time, or log time, and of one time by message."""
+    if logged:
+        told = told._replace(times=told.logged)
+    if (np.diff(told.times) > 0).all():
+        return told
+    order = np.argsort(told.times, kind="stable")
+    return _Told(*(part[order] for part in told))
 
 
 def _rows(moving: dict[str, _Told], names: Set[str]) -> tuple[Ints, dict[str, Ints]]:
@@ -265,10 +287,19 @@ def _by_hand(names: list[str]) -> dict[Hand | None, dict[str, int]]:
     found = {}
     for hand in dict.fromkeys(s.hand for s in said.values()):
         own = [n for n, s in said.items() if s.hand == hand]
-        columns = columns_of(own)
+        columns = columns_of(own) or _numbered(said, own)
         if columns is not None and not all(n.isdigit() for n in own):
             found[hand] = columns
     return found
+
+
+def _numbered(said: dict[str, JointName], own: list[str]) -> dict[str, int] | None:
+    """Joints that a hand's name and 21 numbers stand for ("left_hand_5"); None of others."""
+    numbers = {n: s.number for n in own if (s := said[n]).finger is None and s.hand is not None}
+    known = sorted(n for n in numbers.values() if n is not None)
+    if len(known) != N_JOINTS or known != list(range(known[0], known[0] + N_JOINTS)):
+        return None
+    return {name: n - known[0] for name, n in numbers.items() if n is not None}
 
 
 def columns_of(names: list[str]) -> dict[str, int] | None:
