@@ -211,9 +211,21 @@ def _stamped(stamps: Ints) -> NDArray[np.bool_]:
 
 def _as_logged(told: list[_Told]) -> _Told:
     """All that was told of a frame, by message."""
-    whole = _Told(*(np.concatenate(part) for part in zip(*told, strict=True)))
-    order = np.argsort(whole.numbers, kind="stable")
-    return whole if len(told) == 1 else _Told(*(part[order] for part in whole))
+    if len(told) == 1:
+        return told[0]
+    whole = _Told(
+        np.concatenate([t.numbers for t in told]),
+        np.concatenate([t.times for t in told]),
+        np.concatenate([t.logged for t in told]),
+        np.concatenate([t.above for t in told]),
+        np.concatenate([t.poses for t in told]),
+    )
+    return _ordered(whole, np.argsort(whole.numbers, kind="stable"))
+
+
+def _ordered(told: _Told, rows: Ints) -> _Told:
+    numbers, times, logged, above, poses = told
+    return _Told(numbers[rows], times[rows], logged[rows], above[rows], poses[rows])
 
 
 def _begin_anew(told: _Told) -> bool:
@@ -229,8 +241,7 @@ def _in_time(told: _Told, logged: bool) -> _Told:
         told = told._replace(times=told.logged)
     if (np.diff(told.times) > 0).all():
         return told
-    order = np.argsort(told.times, kind="stable")
-    return _Told(*(part[order] for part in told))
+    return _ordered(told, np.argsort(told.times, kind="stable"))
 
 
 def _rows(moving: dict[str, _Told], names: Set[str]) -> tuple[Ints, dict[str, Ints]]:
