@@ -237,23 +237,26 @@ def test_clean_frames_are_explained_whole():
 
 
 def test_strays_hardly_pull():
-    rng = np.random.default_rng(18)
-    clips, moves, _, poses = problem(rng, frames=40, noise=0.001)
-    (clip,) = clips
-    bad = clip.targets.copy()
-    bad[rng.random(bad.shape[:2]) < 0.03] += 0.08
-    start = np.zeros(moves.n)
-    found = solve([clip], moves.precision, start, poses)
-    clean, poses = found.free, found.poses
-    plain = solve([replace(clip, targets=bad)], moves.precision, clean, poses).free
-    robust = replace(clip, targets=bad, spread=0.008)
-    kept = solve([robust], moves.precision, clean, poses, max_steps=100).free
+    """In units of how well the constants are known; the median of draws.
 
-    def apart(free: np.ndarray) -> float:
-        return float(np.abs((moves.basis @ (free - clean)).reshape(5, SIZE)[:, :12]).max())
-
-    assert apart(kept) < 0.2 * apart(plain)
-    assert apart(kept) < 0.002
+    Some draws bend a hand far beyond its limits: there a robust fit leaves joints instead.
+    """
+    pulled = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        (clip,), moves, _, poses = problem(rng, frames=40, noise=0.001)
+        clip = replace(clip, hand=replace(clip.hand, loose=np.full(4, 1e3), strict=1e3))
+        bad = clip.targets.copy()
+        bad[rng.random(bad.shape[:2]) < 0.03] += 0.08
+        clean = solve([clip], moves.precision, np.zeros(moves.n), poses)
+        begun = moves.precision, clean.free, clean.poses
+        plain = solve([replace(clip, targets=bad)], *begun).free
+        kept = solve([replace(clip, targets=bad, spread=0.008)], *begun, max_steps=100).free
+        apart = [free - clean.free for free in (kept, plain)]
+        pulled.append([d @ clean.information @ d / moves.n for d in apart])
+    robust, plain = np.median(pulled, 0)
+    assert plain > 50
+    assert robust < 0.1 * plain
 
 
 def test_constants_that_are_kept_stay():

@@ -131,6 +131,8 @@ def test_bvh_that_is_wrong(tmp_path, left):
         (whole.replace("LeftHand", "Spine"), "no hand with fingers"),
         (whole.replace("Zrotation Xrotation", "Wrotation Xrotation", 1), "channel Wrotation"),
         (whole.replace("0.0 0.0", "0.0 zero", 1), "is 'zero', expected a number"),
+        ("HIERARCHY\nROOT a\n{\n" + "JOINT b\n{\n" * 300, "line 404: more joints than any body"),
+        ("HIERARCHY\nROOT a\n{\n" + "JOINT b\n{\n}\n" * 5100, "more joints than any body has"),
     ):
         path.write_text(text)
         with pytest.raises(HandtrackError, match=match) as caught:
