@@ -237,9 +237,6 @@ def finished(
     units = [unit_of(raw, given) for raw in seen]
     # what is flat is no hand in any unit
     worlds = [world_doubts(s.joints, raws[0].path) for s in sequences]
-    for raw, sequence, world in zip(seen, sequences, worlds, strict=True):
-        if given.unit is None and raw.says_nothing:
-            world += filter(None, [about_the_wrist(sequence.joints)])
     doubts = check_sizes([s.joints for s in sequences], units, raws[0].path)
     sequences = [
         _noted(s, doubt, *world) for s, doubt, world in zip(sequences, doubts, worlds, strict=True)
@@ -256,6 +253,8 @@ def finished(
     )
     if not sequences:
         raise InputError(f"every joint of the {choice} hand is missing", raws[0].path)
+    if given.unit is None and all(raw.says_nothing for raw in seen):
+        sequences = [_noted(s, about_the_wrist(s.joints)) for s in sequences]
     if len(seen) < len(raws):
         gone = ", ".join(
             f"{r.name} {r.hand or ''}".strip() for r in raws if not any(r is s for s in seen)

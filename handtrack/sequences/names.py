@@ -316,8 +316,8 @@ def without_hand(given: tuple[str, ...]) -> tuple[Hand | None, list[str]]:
     return sides.pop(), [w for w in given if w not in SIDES]
 
 
-_ABOUT_SIDE = {"hand", "hands", "type", "side", "chirality", "handedness", "xr", "ext"}
-"""Words beside a hand's in the names of enums: HandType.Right, XR_HAND_RIGHT_EXT."""
+_ABOUT_SIDE = {"hand", "hands", "type", "side", "chirality", "handedness", "xr", "ext", "mirrored"}
+"""Words beside a hand's: HandType.Right, XR_HAND_RIGHT_EXT, "Left (mirrored)"."""
 
 
 def as_side(value: object) -> Hand | None:

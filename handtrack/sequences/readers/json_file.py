@@ -274,7 +274,7 @@ def _listed(values: list[Any], path: Path, about: dict[str, Any] | None = None) 
 def _object(value: dict[str, Any], path: Path) -> list[Raw]:
     if len(value) > MOST_NAMES:
         raise NotJointsError(f"an object of {len(value)} names is of no hands", path)
-    value = as_clip(_with_what_it_says(value))
+    value = as_clip(_with_what_it_says(_with_frames_above(value)))
     # a frame has no more than a few hands: a longer list is of frames
     long = [k for k in CONTAINERS if isinstance(value.get(k), list) and len(value[k]) > MOST_HANDS]
     for key in (*LISTS, *long):
@@ -293,6 +293,16 @@ def _object(value: dict[str, Any], path: Path) -> list[Raw]:
     if seen and not is_clip(value, path):
         return read_records([value], ["the object"], path)
     return [raw for fields in of_sides(value) for raw in two_hands(from_fields(fields, path))]
+
+
+def _with_frames_above(value: dict[str, Any]) -> dict[str, Any]:
+    """With a long list of frames that stands two names deep (`{"data": {"results": [...]}}`)."""
+    for key in {*LISTS, *CONTAINERS} & value.keys():
+        inner = value[key] if isinstance(value[key], dict) else {}
+        lists = [inner[k] for k in {*LISTS, *CONTAINERS} & inner.keys()]
+        if any(isinstance(v, list) and len(v) > MOST_HANDS and not are_points(v) for v in lists):
+            return {k: v for k, v in value.items() if k != key} | inner
+    return value
 
 
 def _may_hold_names(frame: Any) -> bool:
