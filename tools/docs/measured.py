@@ -21,6 +21,7 @@ def tables() -> dict[str, str]:
         "accuracy_ladder": as_kept("accuracy_ladder"),
         "lasting_noise": as_kept("lasting_noise"),
         "lasting_unknown": as_kept("lasting_unknown"),
+        "real_motion": as_kept("real_motion"),
         "uncertainty": as_kept("uncertainty"),
         "reading": as_kept("reading"),
         **performance(),
