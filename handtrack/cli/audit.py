@@ -53,6 +53,7 @@ def audit(
     """
     from handtrack.auditing.audit import audit as find
     from handtrack.auditing.findings import mask_table
+    from handtrack.auditing.people import people
 
     for path, suffix, option in ((mask, ".parquet", "--mask"), (html, ".html", "--html")):
         if path is not None:
@@ -64,12 +65,14 @@ def audit(
         told = {
             "sequences": [a.to_dict() for a in audits],
             "unread": [u.to_dict() for u in unread],
+            "people": people(audits),
         }
         click.echo(json.dumps(told, indent=2))
     elif not quiet:
         _print(audits)
         for one in unread:
             click.echo(f"not read: {one.error}")
+        _print_people(people(audits))
     if html is not None:
         from handtrack.auditing.page import to_html
 
@@ -122,3 +125,15 @@ def _print(audits: list[Audited]) -> None:
                 highlight=False,
                 soft_wrap=True,
             )
+
+
+def _print_people(folders: list[dict[str, Any]]) -> None:
+    for of in folders:
+        groups = " | ".join(
+            ", ".join(g[:4]) + (f" and {len(g) - 4} more" if len(g) > 4 else "")
+            for g in of["people"][:4]
+        )
+        click.echo(
+            f"{of['folder']}: hands of {len(of['people'])} people (no fault by itself), bones of the"
+            f" first two differ by {of['apart_percent']} %, 7 % is let pass: {groups}"
+        )

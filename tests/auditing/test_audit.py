@@ -373,3 +373,16 @@ def test_a_data_set_with_files_of_other_units_orders_and_clocks(tmp_path, capsys
     files = [str(p) for p in sorted(data.iterdir())]
     assert run(["audit", *files, "--no-fit"]) == 0
     assert "not read: " in capsys.readouterr().out
+
+
+def test_hands_of_two_people_in_a_folder_are_told(tmp_path, capsys):
+    for seed in range(6):
+        written(tmp_path / f"{seed}.npz", clean(seed), scale=1.0 if seed < 4 else 0.88)
+    assert run(["audit", str(tmp_path), "--json", "--no-fit"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    (of,) = told["people"]
+    assert of["people"] == [["0", "1", "2", "3"], ["4", "5"]]
+    assert 10 < of["apart_percent"] < 16
+    assert not any(s["findings"] for s in told["sequences"])
+    assert run(["audit", str(tmp_path), "--no-fit"]) == 0
+    assert "hands of 2 people" in capsys.readouterr().out
