@@ -134,6 +134,6 @@ def _print_people(folders: list[dict[str, Any]]) -> None:
             for g in of["people"][:4]
         )
         click.echo(
-            f"{of['folder']}: hands of {len(of['people'])} people (no fault by itself), bones of the"
-            f" first two differ by {of['apart_percent']} %, 7 % is let pass: {groups}"
+            f"{of['folder']}: hands of {len(of['people'])} people (no fault by itself), bones of"
+            f" the first two differ by {of['apart_percent']} %, 7 % is let pass: {groups}"
         )
