@@ -59,7 +59,7 @@ WRITES = {
     "html": (["stability", "{mcap}", "--html", "out.html"], "out.html"),
     "latex": (["stability", "{mcap}", "--latex", "out.tex"], "out.tex"),
     "live": (["live", "--udp", "0", "-o", "out.mcap"], "out.mcap"),
-    "detect": (["detect", "{clip}", "-o", "out.npz"], "out.npz"),
+    "detect": (["detect", "seen.png", "-o", "out.npz"], "out.npz"),
 }
 
 
@@ -74,6 +74,7 @@ def mcap(clip, tmp_path_factory) -> Path:
 def test_what_is_there_stays_unless_told(case, call, clip, mcap):
     arguments, name = WRITES[case]
     shutil.copy(clip, "take.npz")
+    Path("seen.png").write_bytes(b"\x89PNG\r\n\x1a\n")  # not looked into before the target
     Path(name).parent.mkdir(exist_ok=True)
     Path(name).write_text("mine")
     arguments = [a.format(clip=clip, mcap=mcap) for a in arguments]
