@@ -150,7 +150,9 @@ def _standardised(
     off = ((joints - truth) / track.joint_deviation()[..., None])[fitted]
     if angles is None:
         return np.nan, float(np.sqrt(np.nanmean(off**2)))
-    turned = ((track.angles - angles) ** 2 / track.angle_variance)[fitted]
+    # an angle that is held at its limit is said to be exact
+    variance = np.where(track.angle_variance > 0, track.angle_variance, np.nan)
+    turned = ((track.angles - angles) ** 2 / variance)[fitted]
     return float(np.sqrt(np.nanmean(turned))), float(np.sqrt(np.nanmean(off**2)))
 
 
