@@ -41,7 +41,7 @@ class Outcome(NamedTuple):
 
     Attributes:
         table: of all clips asked for.
-        tracked, skipped: clips that were, and that had been before.
+        tracked, skipped: clips that were gone through, failed ones too, and that had been before.
         frames: of those tracked.
         seconds: that it took.
         failed: (path, why) of clips that failed, now or before.

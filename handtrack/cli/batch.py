@@ -285,7 +285,7 @@ def _say(outcome: Outcome, output: str, as_json: bool, quiet: bool) -> None:
     rate = outcome.frames / max(outcome.seconds, 1e-3)
     without = f" {len(passed):,} hold no hand joints," if passed else ""
     click.echo(
-        f"tracked {outcome.tracked:,} clips ({outcome.frames:,} frames at {rate:,.0f} frames/s) in"
-        f" {duration(outcome.seconds)}, {outcome.skipped:,} were done before,{without}"
+        f"read {outcome.tracked:,} clips ({outcome.frames:,} frames at {rate:,.0f} frames/s)"
+        f" in {duration(outcome.seconds)}, {outcome.skipped:,} were done before,{without}"
         f" {len(outcome.failed):,} failed -> {output}"
     )
