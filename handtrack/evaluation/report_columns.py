@@ -63,7 +63,7 @@ class Column:
 
 def that_fit(rows: list[Stability], width: int) -> tuple[list[Column], list[str]]:
     """The columns for that width, and the headings of those left out."""
-    columns = [c for c in _COLUMNS if any(c.cell(r).strip("- ±") for r in rows)]
+    columns = [c for c in _COLUMNS if any(c.cell(r).strip("-") for r in rows)]
     if len({r.against for r in rows}) == 1:
         columns = [c for c in columns if c.heading != "against"]  # the caption says it
     return fitting(columns, lambda c: (c.heading, c.importance, c.width(rows)), width)
@@ -79,7 +79,9 @@ def percent(count: int, frames: int) -> str:
 
 def mean_std(spread: Spread | None) -> str:
     """Mean and standard deviation over frames."""
-    return "" if spread is None else f"{short(spread.mean)} ± {short(spread.std)}"
+    if spread is None:
+        return ""
+    return f"{short(spread.mean)} ± {short(spread.std)}" if np.isfinite(spread.mean) else "-"
 
 
 def _with_input(output: float, given: float) -> str:

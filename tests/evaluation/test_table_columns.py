@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_html_report import sequences
 
-from handtrack.evaluation.report_columns import _COLUMNS, that_fit
+from handtrack.evaluation.report_columns import _COLUMNS, mean_std, that_fit
 from handtrack.evaluation.stability import stability_of_pair
 
 MUST = {"sequence", "frames", "lost", "PA-MPJPE"}
@@ -54,3 +54,11 @@ def test_what_errors_are_against_is_in_the_caption_where_it_is_one(rows):
     assert rows[0].against != other.against
     assert "against" in headings([rows[0], other], 1000)[0]
     assert np.isfinite(rows[0].pa_mpjpe_mm.mean)
+
+
+def test_of_nothing_there_is_one_dash(rows):
+    spread = rows[0].pa_mpjpe_mm
+    assert mean_std(replace(spread, mean=np.nan, std=np.nan)) == "-"
+    assert mean_std(replace(spread, mean=1.234, std=0.5)) == "1.23 ± 0.50"
+    unknown = replace(rows[1], input_pa_mpjpe_mm=replace(spread, mean=np.nan, std=np.nan))
+    assert "input" not in headings([rows[0], unknown], 1000)[0]
