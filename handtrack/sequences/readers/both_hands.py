@@ -13,6 +13,7 @@ import numpy as np
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import HANDS, Hand
 from handtrack.sequences.names import as_side
+from handtrack.sequences.readers.axis_lists import column_keys
 from handtrack.sequences.readers.fields import joint_columns, names_joints
 from handtrack.sequences.readers.joint_frames import PAIRS
 from handtrack.sequences.readers.pictures import seen_in_picture
@@ -43,7 +44,7 @@ def _of_side(fields: Mapping[str, Any], hand: Hand) -> dict[str, Any] | None:
             own |= value if isinstance(value, dict) else {"joints": value}
         else:
             own[rest.replace(" ", "_")] = value
-    if not any(names_joints(key) for key in own) and not joint_columns(own):
+    if not any(names_joints(key) for key in own) and not (joint_columns(own) or column_keys(own)):
         return None
     return both | own | {"hand": hand}
 

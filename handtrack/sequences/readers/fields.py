@@ -22,6 +22,7 @@ from handtrack.hand.skeleton import N_JOINTS
 from handtrack.hand.units import METRES, Unit
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import UNUSED, as_side, joint_name, words
+from handtrack.sequences.readers.axis_lists import column_keys, with_joints
 from handtrack.sequences.readers.joint_frames import as_frames, frames_and_sure
 from handtrack.sequences.readers.jsontext import nested_numbers, numbers
 from handtrack.sequences.readers.raw import (
@@ -218,6 +219,10 @@ def _with_columns(fields: Mapping[str, Any], path: Path) -> Mapping[str, Any]:
     inside = fields[key] if key is not None else fields
     if key is None and any(names_joints(k) for k in fields):
         return fields
+    if column_keys(inside) is not None:
+        return {k: v for k, v in fields.items() if k != key} | with_joints(
+            inside, path, key or "joints"
+        )
     columns = joint_columns(inside)
     if not columns:
         return fields

@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from handtrack.sequences.readers.axis_lists import NAMES
+
 _DEEPEST = 12
 _FEWEST = 12
 """So few pairs of numbers are no hand."""
-_AXES = ("x", "y"), ("X", "Y")
 
 
 def with_depth(value: Any) -> Any:
@@ -41,10 +42,9 @@ def _list(value: list[Any], depth: int, changed: list[bool]) -> list[Any]:
 
 
 def _object(value: dict[Any, Any], depth: int, changed: list[bool]) -> dict[Any, Any]:
-    for x, y in _AXES:
+    for x, y, z in NAMES:
         if x not in value or y not in value:
             continue
-        z = "z" if x == "x" else "Z"
         if z in value and value[z] is not None:
             continue
         if _is_number(value[x]) and _is_number(value[y]):
@@ -52,7 +52,7 @@ def _object(value: dict[Any, Any], depth: int, changed: list[bool]) -> dict[Any,
             return {**value, z: 0.0}
         if isinstance(value[x], list) and len(value[x]) >= _FEWEST:
             changed[0] = True
-            return {**value, z: [0.0] * len(value[x])}
+            return {**value, z: [[0.0] * len(v) if isinstance(v, list) else 0.0 for v in value[x]]}
     pairs = sum(_is_pair(v) for v in value.values())
     if pairs >= _FEWEST:
         changed[0] = True

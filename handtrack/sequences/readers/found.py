@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from handtrack.hand.skeleton import Hand
 from handtrack.hand.units import Unit
 from handtrack.sequences.names import KEPT, as_side
+from handtrack.sequences.readers.axis_lists import axis_keys
 from handtrack.sequences.readers.points import COUNTS, are_points
 from handtrack.sequences.titles import (
     JointsKey,
@@ -104,13 +105,16 @@ def hands_in(frame: Any, label: Any = None, depth: int = 0) -> list[Found]:
     if keys:
         return [f for key in keys for f in _under(frame, key, label)]
     if are_points(frame):
-        return [_found(frame, frame, "", label)]
+        found = _found(frame, frame, "", label)
+        if axis_keys(frame) is not None and isinstance(found.confidence, list):
+            found.confidence = None  # read with the joints
+        return [found]
     for key in (*CONTAINERS, *JOINTS_TOO):
         inner = frame.get(key)
         if isinstance(inner, dict) or (isinstance(inner, list) and key != "hand"):
-            found = hands_in(inner, label, depth + 1)
-            if found:
-                return found
+            inside = hands_in(inner, label, depth + 1)
+            if inside:
+                return inside
     for inner in frame.values():  # a list of joints tells itself, whatever it is called
         full = isinstance(inner, list) and len(inner) >= _FEWEST
         if full and are_points(inner) and all(isinstance(p, dict) for p in inner):
@@ -281,7 +285,9 @@ def _is_several(value: Any) -> bool:
     if not isinstance(value, list) or are_points(value):
         return False
     return len(value) <= MOST_HANDS and any(
-        isinstance(v, list) and len(v) in COUNTS for v in map(_unwrapped, value)
+        (isinstance(v, list) and len(v) in COUNTS)
+        or (isinstance(v, dict) and axis_keys(v) is not None)
+        for v in map(_unwrapped, value)
     )
 
 

@@ -3,7 +3,8 @@
     [[x, y, z], ...] | [x, y, z, x, ...] | [{"x", "y", "z", "visibility"}, ...]
     [{"name": "wrist", "position": ...}, ...] | {"wrist": point, "thumb_tip": point, ...}
     [["wrist", x, y, z], ...] | [["wrist", point], ...]
-    {"0": point, ...} | {"x": [...], "y": [...], "z": [...]} | {"thumb": [point x 4], ...}
+    {"0": point, ...} | {"thumb": [point x 4], ...}
+    {"x": [...], "y": [...], "z": [...]} and more of `axis_lists`
 
 A point is [x, y, z], {"x", "y", "z"}, either of them under "position" (itself under "transform"
 or "pose"), or the 16 numbers of a matrix, by rows or by columns; null is a missing joint.
@@ -21,6 +22,7 @@ import numpy as np
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS, ORDER_JOINTS
 from handtrack.sequences.names import CONFIDENCES, UNUSED, joint_name, words
+from handtrack.sequences.readers.axis_lists import axis_keys, sure_of
 from handtrack.sequences.readers.raw import Array
 from handtrack.sequences.settled import settle
 from handtrack.sequences.short_names import spelt_out
@@ -90,7 +92,9 @@ def read_points(value: Any, place: str, path: Path) -> Points:
             columns = [_numbers(value[k], f"{place}: {k}", path) for k in keys]
             if len({len(c) for c in columns}) != 1:
                 raise InputError(f"{place}: {', '.join(keys)} are of different length", path)
-            return Points(np.stack(columns, axis=1), None, False)
+            sure = sure_of(value, len(columns[0]))
+            confidence = None if sure is None else _numbers(sure, f"{place}: confidence", path)
+            return Points(np.stack(columns, axis=1), confidence, False)
         return _named({str(k): v for k, v in _without_fingers(value).items()}, place, path)
     if not isinstance(value, list):
         raise InputError(f"{place}: a hand is neither an object nor a list of joints", path)
@@ -268,19 +272,13 @@ def _is_finger(value: Any) -> bool:
     return bool(value) and all(v is None or _looks_placed(v) for v in value.values())
 
 
-def axis_keys(value: dict[str, Any]) -> tuple[str, str, str] | None:
-    if len(value) < 3:
-        return None
-    for keys in AXES:
-        if all(isinstance(value.get(k), list) for k in keys):
-            return keys
-    return None
-
-
 def _is_point(value: dict[str, Any]) -> bool:
     if "x" in value and "y" in value and "z" in value:
         return not isinstance(value["x"], list)
-    return not _HOLDERS.isdisjoint(value) or any(all(k in value for k in a) for a in AXES)
+    if not _HOLDERS.isdisjoint(value):
+        return True
+    axes = next((keys for keys in AXES if all(k in value for k in keys)), None)
+    return axes is not None and not isinstance(value[axes[0]], list)
 
 
 def _looks_placed(point: Any) -> bool:

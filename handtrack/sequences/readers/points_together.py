@@ -8,6 +8,7 @@ import numpy as np
 
 from handtrack.hand.skeleton import N_JOINTS
 from handtrack.sequences.names import CONFIDENCES
+from handtrack.sequences.readers.axis_lists import axis_keys
 from handtrack.sequences.readers.points import (
     AXES,
     COUNTS,
@@ -15,7 +16,6 @@ from handtrack.sequences.readers.points import (
     NAMES,
     POSITION,
     Points,
-    axis_keys,
     plan_of,
 )
 from handtrack.sequences.readers.raw import Array

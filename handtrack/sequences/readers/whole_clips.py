@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from handtrack.sequences.names import as_side, words
+from handtrack.sequences.readers.axis_lists import column_keys
 from handtrack.sequences.readers.fields import RATES
 from handtrack.sequences.readers.found import CONTAINERS, MOST_HANDS
 from handtrack.sequences.readers.hands_or_frames import are_frames
@@ -23,7 +24,7 @@ def as_clip(value: dict[str, Any]) -> dict[str, Any]:
         inner = value.get(key)
         if not isinstance(inner, dict) or not inner:
             continue
-        if all(side_key(str(k)) is not None and _is_list_of_frames(v) for k, v in inner.items()):
+        if all(side_key(str(k)) is not None and _are_frames(v) for k, v in inner.items()):
             return {**{k: v for k, v in value.items() if k != key}, **inner}
     if any(joints_key(key) is not None for key in value):
         return value
@@ -67,6 +68,11 @@ def is_clip(value: dict[str, Any], path: Path) -> bool:
     if labels or times:
         return False
     return all(are_frames(v, key, path) for key, v in several.items())
+
+
+def _are_frames(value: Any) -> bool:
+    columns = isinstance(value, dict) and column_keys(value) is not None
+    return columns or _is_list_of_frames(value)
 
 
 def _is_list_of_frames(value: Any) -> bool:
