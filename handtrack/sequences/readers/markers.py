@@ -52,7 +52,7 @@ class Markers:
         """
         path = companions.markers
         said = {n: n for n in self.names} if path is None else pairs(path, self.names)
-        found = _by_hand(said, raw.path)
+        found = by_hand(said, raw.path)
         best = max((len(j) for j in found.values()), default=0)
         if best < FEWEST:
             known = [name for joints in found.values() for name in joints.values()]
@@ -83,7 +83,7 @@ class Markers:
         )
 
 
-def _by_hand(said: dict[str, str], path: Path) -> dict[Hand | None, dict[int, str]]:
+def by_hand(said: dict[str, str], path: Path) -> dict[Hand | None, dict[int, str]]:
     """Which marker each of our joints is, by hand."""
     known = {marker: _joint(text) for marker, text in said.items()}
     found: dict[Hand | None, dict[int, str]] = {}
