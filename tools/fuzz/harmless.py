@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from tools.fuzz import brought, corpus, robots
+from tools.fuzz import as_written, brought, corpus, robots
 
 Files = dict[str, bytes]
 Rewriter = Callable[[bytes, random.Random], bytes]
@@ -28,6 +28,7 @@ NONE = (
     *("own recording", "recording lz4", "recording zstd", "recording none", "mano"),
     *brought.ONE_WAY,
     *robots.ONE_WAY,
+    *as_written.ONE_WAY,
 )
 """Kinds that only this project writes, which `tools.bench.damage` judges too; and pickles of
 classes that are not here."""

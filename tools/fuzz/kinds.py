@@ -16,7 +16,7 @@ from handtrack.cameras.formats import load_cameras
 from handtrack.hand.hand_file import load_hand, save_hand
 from handtrack.hand.mano_file import read_mano
 from handtrack.hand.model import HandModel
-from tools.fuzz import brought, robots
+from tools.fuzz import as_written, brought, robots
 from tools.fuzz.corpus import (
     Files,
     Joints,
@@ -152,4 +152,5 @@ def kinds() -> dict[str, Kind]:
         "cameras.json": Kind(_panoptic_cameras, "a.json", load_cameras),
         **brought.kinds(),
         **robots.kinds(),
+        **as_written.kinds(),
     }

@@ -89,13 +89,15 @@ def npy_header(data: bytes, rng: random.Random) -> bytes:
                 "<f2",
             )
         )
-        header = re.sub(r"'descr': '[^']*'", lambda _: f"'descr': '{kind}'", header)
+        header = re.sub(
+            r"'descr': ('[^']*'|\[[^\]]*\])", lambda _: f"'descr': '{kind}'", header, count=1
+        )
     elif what == 2:
         header = header.replace("False", rng.choice(("True", "None", "1", "__import__('os')")))
     elif what == 3:
         header = of_bytes(header.encode("latin-1"), rng).decode("latin-1")
     else:
-        body = of_bytes(body, rng)
+        body = (in_pickle if "'|O'" in header else of_bytes)(body, rng)
     raw = header.encode("latin-1")[:65535]
     version = data[6:8] if rng.random() < 0.95 else rng.randbytes(2)
     return data[:6] + version + struct.pack("<H", len(raw)) + raw + body

@@ -58,7 +58,7 @@ def _parquet(columns: dict[str, Any]) -> bytes:
     return out.getvalue()
 
 
-def _log(topic: str, entry: Callable[[Joints], Any]) -> Kind:
+def log(topic: str, entry: Callable[[Joints], Any]) -> Kind:
     """A log of one topic."""
     return _of_topics(lambda joints: {topic: entry(joints)})
 
@@ -147,10 +147,8 @@ def kinds() -> dict[str, Kind]:
     return {
         "lerobot": Kind(_lerobot, "a.parquet", _load),
         "parquet": Kind(_table, "a.parquet", _load),
-        "ros poses": _log(
-            "/right", lambda j: (*poses, lambda t, i: robot_logs.pose_array(t, j[i]))
-        ),
-        "ros markers": _log(
+        "ros poses": log("/right", lambda j: (*poses, lambda t, i: robot_logs.pose_array(t, j[i]))),
+        "ros markers": log(
             "/hand",
             lambda j: (
                 *markers,
@@ -159,16 +157,16 @@ def kinds() -> dict[str, Kind]:
                 ),
             ),
         ),
-        "ros frames": _log(
+        "ros frames": log(
             "/tf", lambda j: (*tf, lambda t, i: robot_logs.tf_message(t, _frames(j[i])))
         ),
-        "foxglove frames": _log(
+        "foxglove frames": log(
             "/tf", lambda j: (*foxglove, lambda t, i: robot_logs.foxglove_frames(t, _frames(j[i])))
         ),
         "ros joints": _of_topics(_joint_topics),
         "rosbridge": Kind(_bridged, "a.jsonl", _load),
         "json capitals": Kind(_capitals, "a.json", _load),
-        "isaac": _log(
+        "isaac": log(
             "hands/right_hand",
             lambda j: (*isaac, lambda t, i: robot_logs.isaac_record(t, _openxr(j[i]))),
         ),
