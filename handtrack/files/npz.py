@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import lzma
 import struct
 import tokenize
 import zipfile
@@ -37,6 +38,7 @@ DAMAGED = (
     UnicodeError,
     struct.error,
     tokenize.TokenError,
+    lzma.LZMAError,
     zipfile.BadZipFile,
     zipfile.LargeZipFile,
     zlib.error,

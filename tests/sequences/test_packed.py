@@ -102,3 +102,14 @@ def test_companions_in_utf_16(tmp_path, kind, companion):
     (tmp_path / name).write_bytes(files[name].decode().encode("utf-16"))
     for a, b in zip(before, made.read(tmp_path / made.target), strict=True):
         np.testing.assert_array_equal(a.joints, b.joints)
+
+
+def test_a_damaged_zip_of_lzma(tmp_path):
+    path = tmp_path / "a.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_LZMA) as archive:
+        archive.writestr("a.csv", ",".join(map(str, range(4000))))
+    data = bytearray(path.read_bytes())
+    data[60:400] = b"\xff" * 340  # within the packed bytes
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"the \.zip file is damaged"):
+        ht.load(path)

@@ -14,6 +14,7 @@ import random
 import resource
 import shutil
 import sys
+import tempfile
 import time
 import traceback
 import warnings
@@ -39,6 +40,9 @@ _FORBIDDEN = {
     "smtplib", "webbrowser", "pickle", "code", "tempfile", "sqlite3", "mmap",
 }  # fmt: skip
 _HARMLESS = {"os.listdir", "os.scandir", "os.walk", "os.fwalk", "shutil.rmtree", "os.putenv"}
+_UNPACKING = ("open", "tempfile.mkdtemp", "os.mkdir", "os.remove", "os.rmdir")
+_SCRATCH = os.path.join(tempfile.gettempdir(), "handtrack-")
+"""What the readers' own folders begin with."""
 ONE_NUMBER = ("json bare", "freihand", "csv bare", "interhand")
 """Kinds of text in which nearly every number is of a joint."""
 _OURS = (
@@ -63,6 +67,8 @@ class Watch:
             name = str(arguments[0])
             if not self.first and name.partition(".")[0] not in _OURS:
                 self.seen.append(f"import {name}")
+        elif _in_scratch(event, arguments):
+            return
         elif event == "open":
             path, mode, flags = arguments
             writes = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
@@ -74,6 +80,16 @@ class Watch:
             return  # a file that is read
         elif event.partition(".")[0] in _FORBIDDEN:
             self.seen.append(f"{event} {arguments}"[:200])
+
+
+def _in_scratch(event: str, arguments: tuple[Any, ...]) -> bool:
+    """Whether it is about what the reader unpacks to, which is gone afterwards."""
+    if event not in _UNPACKING or not isinstance(arguments[0], str):
+        return False
+    place, above = arguments[0], arguments[-1]
+    if event in ("os.mkdir", "os.remove", "os.rmdir") and above >= 0:
+        place = os.path.join(os.readlink(f"/proc/self/fd/{above}"), place)
+    return os.path.realpath(place).startswith(os.path.realpath(_SCRATCH))
 
 
 def targets() -> dict[str, corpus.Kind]:
