@@ -74,8 +74,9 @@ def _as_from(path: str, where: Path) -> Iterator[None]:
         text = str(error)
         if str(where) not in text or str(where) == path:
             raise
-        # a Path would make one slash of the two in a URL
-        raise type(error)(text.replace(str(where), path)) from error
+        # its kind may hold more; a Path would make one slash of the two in a URL
+        error.args, error.path = (text.replace(str(where), path),), None
+        raise
 
 
 def read_truth(clip: Clip, reading: Mapping[str, Any]) -> list[Sequence]:

@@ -328,7 +328,8 @@ def _from_zip(
             found = _from_folder(folder, read, told)
         except InputError as error:
             said = str(error).replace(inside, str(path)).removeprefix(f"{path}: ")
-            raise type(error)(said, path) from None
+            error.args, error.path = (f"{path}: {said}",), path  # its kind may hold more
+            raise
         return [
             replace(
                 s,

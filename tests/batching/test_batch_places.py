@@ -10,9 +10,14 @@ import pytest
 
 import handtrack as ht
 from handtrack.batching.progress import Progress
+from handtrack.batching.source import _as_from
+from handtrack.sequences.joint_order import OtherOrder
+from handtrack.sequences.readers.raw import NoFramesError
+from handtrack.sequences.size import WrongUnit
 from tools.make.data_set import Size, write
 
 pytest.importorskip("distributed", reason="Dask is not installed (extra `batch`)")
+COPY = Path("/tmp/copy/a.npz")
 SIZE = Size(clips=4, frames=20, subjects=2)
 
 
@@ -115,3 +120,18 @@ def test_duckdb_reads_the_results(tracked):
     ).fetchall()
     assert [row[:2] for row in rows] == [("s00", 2 * SIZE.frames), ("s01", 2 * SIZE.frames)]
     assert all(0 < row[2] < 5 for row in rows)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        WrongUnit(91.0, "m", COPY),
+        OtherOrder("joints in another order", "mano", COPY),
+        NoFramesError("no frames", COPY),
+    ],
+)
+def test_errors_of_every_kind_name_the_file_and_not_its_copy(error):
+    with pytest.raises(type(error)) as caught, _as_from("s3://bucket/a.npz", COPY):
+        raise error
+    assert str(caught.value).startswith("s3://bucket/a.npz: ")
+    assert str(COPY) not in str(caught.value)

@@ -19,7 +19,7 @@ KINDS = {
 }
 CUT_IS_TOLD = ("c3d",)
 """Of which the frames before the cut are read, with a note."""
-WHOLE_BEFORE_THE_CUT = ("foxglove frames", "ros joints")
+WHOLE_BEFORE_THE_CUT = ("foxglove frames", "ros joints", "protobuf change")
 """Whose sample is all there when its index is cut off."""
 _WORD = re.compile(rb"[A-Za-z]{3,}")
 _KEPT = (b"null", b"true", b"false", b"NaN", b"nan")
