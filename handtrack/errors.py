@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Self
 
 QUOTED = 200
 """Characters that an error quotes of a file, at most."""
@@ -58,6 +59,11 @@ class InputError(HandtrackError, ValueError):
         super().__init__(message)
         if path is not None:
             self.args = (f"{printable(str(path))}: {self.args[0]}",)
+
+    def retold(self, text: str, path: Path | None) -> Self:
+        """The same error, of the same kind, in other words; `path` is the file that they name."""
+        self.args, self.path = (printable(text),), path
+        return self
 
 
 class SettingsError(HandtrackError, ValueError):

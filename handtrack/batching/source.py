@@ -74,9 +74,8 @@ def _as_from(path: str, where: Path) -> Iterator[None]:
         text = str(error)
         if str(where) not in text or str(where) == path:
             raise
-        # its kind may hold more; a Path would make one slash of the two in a URL
-        error.args, error.path = (text.replace(str(where), path),), None
-        raise
+        # a Path would make one slash of the two in a URL
+        raise error.retold(text.replace(str(where), path), None) from None
 
 
 def read_truth(clip: Clip, reading: Mapping[str, Any]) -> list[Sequence]:

@@ -328,8 +328,7 @@ def _from_zip(
             found = _from_folder(folder, read, told)
         except InputError as error:
             said = str(error).replace(inside, str(path)).removeprefix(f"{path}: ")
-            error.args, error.path = (f"{path}: {said}",), path  # its kind may hold more
-            raise
+            raise error.retold(f"{path}: {said}", path) from None
         return [
             replace(
                 s,

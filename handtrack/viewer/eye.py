@@ -65,6 +65,12 @@ class Eye(NamedTuple):
         return float(np.linalg.norm(self.position - self.target))
 
     @property
+    def looked_at(self) -> Array:
+        """The target in the frame that is drawn: the world, or that of the hand beside which the
+        eye stays."""
+        return np.zeros(3) if self.goes_along else self.target
+
+    @property
     def right(self) -> Array:
         """The direction to the right of the picture."""
         across = np.cross(self.target - self.position, self.up)

@@ -37,7 +37,7 @@ def log_scale(recording: rr.RecordingStream, entity: str, view: Eye, light: bool
     import rerun as rr
 
     width, height = view.extent
-    corner = -_DOWN * height * view.upward + (0 if view.goes_along else view.target)
+    corner = -_DOWN * height * view.upward + view.looked_at
     length = 0.1 if width > _WIDE_M else 0.05
     left, right = corner - width * view.right, corner + width * view.right
     vectors = 0.5 * length * np.eye(3)

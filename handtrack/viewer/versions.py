@@ -8,8 +8,6 @@ import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from handtrack.viewer.eye import Eye
 
 if TYPE_CHECKING:
@@ -43,11 +41,11 @@ def eye_controls(view: Eye) -> dict[str, Any]:
     controls = getattr(rrb, "EyeControls3D", None)
     if controls is None or "position" not in inspect.signature(controls).parameters:
         return {}
-    origin = view.target if view.goes_along else np.zeros(3)
+    origin = view.target - view.looked_at
     looking = controls(
         kind=rrb.Eye3DKind.Orbital,
         position=(view.position - origin).tolist(),
-        look_target=(view.target - origin).tolist(),
+        look_target=view.looked_at.tolist(),
         eye_up=view.up.tolist(),
     )
     return {"eye_controls": looking}

@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 
 from handtrack.errors import InputError, shown
-from handtrack.sequences.names import UNITS
 from handtrack.sequences.readers.catalogue import Format, Way
-from handtrack.sequences.readers.markers import Markers
-from handtrack.sequences.readers.raw import Array, Raw, as_unit, stem
+from handtrack.sequences.readers.markers import Markers, frames_told, stated_unit, told_apart
+from handtrack.sequences.readers.raw import Array, Raw, stem
 
 _MARK, _BLOCK = 0x50, 512
 _MOST_POINTS, _MOST_LABELS = 10_000, 20
@@ -69,12 +68,10 @@ def read_c3d(data: bytes, path: Path) -> list[Raw]:
     if not len(points) or not points.shape[1]:
         raise InputError("holds no points of markers", path)
     names = [labels[i] if i < len(labels) and labels[i] else f"*{i}" for i in range(len(points[0]))]
-    names = [f"{n}#{i}" if names.count(n) > 1 else n for i, n in enumerate(names)]
     points[~seen] = np.nan
-    raw = Raw(points, path, stem(path), pending=Markers(tuple(names)))
-    if told != len(points):
-        raw.notes = (f"the header tells of {told} frames, there are {len(points)}",)
-    raw.unit = as_unit(units, path) if units in (*UNITS, "in") else None
+    raw = Raw(points, path, stem(path), pending=Markers(tuple(told_apart(names))))
+    raw.notes = tuple(frames_told(told, len(points)))
+    raw.unit = stated_unit(units, path)
     raw.fps = rate if np.isfinite(rate) and rate > 0 else None
     raw.frame_index = first + np.arange(len(points))
     return [raw]

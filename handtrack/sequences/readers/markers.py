@@ -8,7 +8,9 @@ names of `names`, with its hand where there are two ("right index_mcp", "L_thumb
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Hashable, Iterable
+from collections.abc import Sequence as Items
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,13 +20,16 @@ import numpy as np
 from handtrack.errors import InputError, shown
 from handtrack.files import budget
 from handtrack.hand.skeleton import HANDS, JOINT_NAMES, N_JOINTS, Hand
-from handtrack.sequences.names import UNUSED, JointName, joint_name, words
+from handtrack.hand.units import Unit
+from handtrack.sequences.names import UNITS, UNUSED, JointName, joint_name, words
 from handtrack.sequences.readers.companions import Companions
 from handtrack.sequences.readers.jsontext import as_utf8, decode
-from handtrack.sequences.readers.raw import NotJointsError, Raw
+from handtrack.sequences.readers.raw import NotJointsError, Raw, as_unit
 from handtrack.sequences.settled import settle
 from handtrack.sequences.titles import nearest
 
+UNITS_STATED = frozenset({*UNITS, "in"})
+"""Units of length in headers; in columns' names "in" is a word."""
 FEWEST = 8
 """Fewer joints do not tell a hand's pose."""
 _TO_SAY = 8
@@ -81,6 +86,29 @@ class Markers:
             notes=tuple(notes),
             tagged=hand is not None,
         )
+
+
+def told_apart(names: Items[str], of: Items[Hashable] | None = None) -> list[str]:
+    """The names, with their places behind those that occur twice (`of`: what else tells them
+    apart)."""
+    keys = names if of is None else of
+    count = Counter(keys)
+    return [
+        f"{name}#{i}" if count[key] > 1 else name
+        for i, (name, key) in enumerate(zip(names, keys, strict=True))
+    ]
+
+
+def stated_unit(text: str, path: Path) -> Unit | None:
+    """The unit of length that a header states; None where it is none."""
+    return as_unit(text, path) if text.lower() in UNITS_STATED else None
+
+
+def frames_told(told: str | int, there: int) -> list[str]:
+    """A note where a header tells of other frames than there are; none where it tells nothing."""
+    if (isinstance(told, str) and not told.isdigit()) or int(told) == there:
+        return []
+    return [f"the header tells of {told} frames, there are {there}"]
 
 
 def by_hand(said: dict[str, str], path: Path) -> dict[Hand | None, dict[int, str]]:

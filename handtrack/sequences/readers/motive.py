@@ -25,13 +25,18 @@ from typing import NamedTuple
 
 from handtrack.errors import InputError, shown
 from handtrack.sequences.clock import Stamps
-from handtrack.sequences.names import UNITS
 from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.companions import Companions
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.jsontext import as_utf8
-from handtrack.sequences.readers.markers import Markers, by_hand
-from handtrack.sequences.readers.raw import Raw, as_fps, as_unit, stem
+from handtrack.sequences.readers.markers import (
+    Markers,
+    by_hand,
+    frames_told,
+    stated_unit,
+    told_apart,
+)
+from handtrack.sequences.readers.raw import Raw, as_fps, stem
 from handtrack.sequences.readers.table_cells import Table
 
 START = b"format version"
@@ -97,7 +102,7 @@ def read_motive(data: bytes, path: Path) -> list[Raw]:
         )
     titles = _cells(lines[named], mark)
     columns = _columns([_cells(li, mark) for li in lines[1:named]], titles, path)
-    notes = []
+    notes: list[str] = []
     if said.get("coordinate space", "").lower() == "local":
         kept = [c for c in columns if c.kind not in _RELATIVE]
         if not kept:
@@ -110,9 +115,7 @@ def read_motive(data: bytes, path: Path) -> list[Raw]:
             notes.append("bones relative to their parents (Coordinate Space Local): left out")
         columns = kept
     table = _table(lines, named, titles, mark, path)
-    count = said.get("total exported frames", "")
-    if count.isdigit() and int(count) != len(table.lines):
-        notes.append(f"the header tells of {count} frames, there are {len(table.lines)}")
+    notes += frames_told(said.get("total exported frames", ""), len(table.lines))
     return [_raw(table, columns, said, notes)]
 
 
@@ -128,8 +131,7 @@ def _raw(table: Table, columns: list[_Column], said: dict[str, str], notes: list
         pending=_Named(names, kinds=tuple(c.kind for c in columns)),
         notes=tuple(notes),
     )
-    unit = said.get("length units", "").lower()
-    raw.unit = as_unit(unit, path) if unit in UNITS else None
+    raw.unit = stated_unit(said.get("length units", "").lower(), path)
     rate = said.get("export frame rate") or said.get("capture frame rate")
     raw.fps = as_fps(rate, path) if rate else None
     frames = table.numbers([0], ["Frame"])[:, 0]
@@ -191,13 +193,8 @@ def _columns(head: list[list[str]], titles: list[str], path: Path) -> list[_Colu
             " Bones",
             path,
         )
-    count: dict[tuple[str, str], int] = {}
-    for column in found:
-        count[column[:2]] = count.get(column[:2], 0) + 1
-    return [
-        column._replace(name=f"{column.name}#{i}") if count[column[:2]] > 1 else column
-        for i, column in enumerate(found)
-    ]
+    names = told_apart([column.name for column in found], [column[:2] for column in found])
+    return [column._replace(name=name) for column, name in zip(found, names, strict=True)]
 
 
 def _row(head: list[list[str]], label: str, among: set[str]) -> list[str]:

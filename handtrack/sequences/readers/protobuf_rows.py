@@ -20,17 +20,13 @@ _LONGEST = 10  # bytes of a varint
 _DEEPEST = 16
 
 
+@lru_cache(8)
 def class_of(name: str, schema: bytes) -> Any:
     """The class of a message, by the schema that its file holds.
 
     Raises:
         ValueError, TypeError, KeyError: the schema is damaged.
     """
-    return _class(name, schema)
-
-
-@lru_cache(8)
-def _class(name: str, schema: bytes) -> Any:
     from google.protobuf.descriptor_pb2 import FileDescriptorSet
     from google.protobuf.descriptor_pool import DescriptorPool
     from google.protobuf.message import DecodeError

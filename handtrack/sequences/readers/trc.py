@@ -23,12 +23,11 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError, shown
 from handtrack.sequences.clock import Stamps
-from handtrack.sequences.names import UNITS
 from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.fields import frame_numbers
 from handtrack.sequences.readers.jsontext import as_utf8
-from handtrack.sequences.readers.markers import Markers
-from handtrack.sequences.readers.raw import Raw, as_fps, as_unit, stem
+from handtrack.sequences.readers.markers import Markers, frames_told, stated_unit, told_apart
+from handtrack.sequences.readers.raw import Raw, as_fps, stem
 from handtrack.sequences.readers.table_cells import Table
 
 START = b"PathFileType"
@@ -57,15 +56,11 @@ def read_trc(data: bytes, path: Path) -> list[Raw]:
     if not rows:
         raise InputError("a header, but no frames", path)
     values = _values(rows, names, path, not lines[-1].strip())
-    count = said.get("numframes")
-    notes = []
-    if count is not None and count.isdigit() and int(count) != len(rows):
-        notes.append(f"the header tells of {count} frames, there are {len(rows)}")
-    unit = said.get("units")
+    notes = frames_told(said.get("numframes", ""), len(rows))
     rate = said.get("datarate")
     markers = values[:, 2:].reshape(len(values), len(names), 3)
     raw = Raw(markers, path, stem(path), pending=Markers(tuple(names)), notes=tuple(notes))
-    raw.unit = as_unit(unit, path) if unit is not None and unit.lower() in (*UNITS, "in") else None
+    raw.unit = stated_unit(said.get("units", ""), path)
     raw.fps = None if rate is None else as_fps(rate, path)
     raw.frame_index = frame_numbers(values[:, 0], len(values), path, "Frame#")
     if np.isfinite(values[:, 1]).all() and len(values) > 1:
@@ -96,10 +91,7 @@ def _names(line: str, path: Path) -> list[str]:
         names = [n[:-1].rstrip("_. ") for n in names[::3]]
     if not names or len(names) > _MOST:
         raise InputError(f"names {len(names)} markers in the line of Frame#", path)
-    twice = next((n for n in names if names.count(n) > 1), None)
-    if twice is not None:
-        names = [f"{n}#{i}" if names.count(n) > 1 else n for i, n in enumerate(names)]
-    return names
+    return told_apart(names)
 
 
 def _is_row(line: str) -> bool:
