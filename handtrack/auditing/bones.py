@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.auditing.findings import Finding, Marks
+from handtrack.auditing.findings import Finding, Marks, some
 from handtrack.evaluation.anatomy import bone_lengths
 from handtrack.evaluation.arrays import Array, nan_mean
 from handtrack.evaluation.shake import bends
@@ -134,7 +134,7 @@ def _order_findings(s: Sequence) -> Iterator[Finding]:
     other = better_order(s.joints, own, len(s))
     if other is not None:
         moved = [JOINT_NAMES[i] for i, place in enumerate(other.picks) if place != i]
-        name = f"in the order {other.name}" if other.name else f"with others as {_some(moved)}"
+        name = f"in the order {other.name}" if other.name else f"with others as {some(moved)}"
         text = f"the joints make a hand {name}: misfit {other.misfit:.2f} instead of"
         yield _order(s, f"{text} {misfit(s.joints, own):.2f} (a hand's is below {GOOD})")
         return
@@ -142,7 +142,7 @@ def _order_findings(s: Sequence) -> Iterator[Finding]:
     if folded:
         yield _order(
             s,
-            f"bones fold back by more than 135 degrees at {_some(folded)} in most"
+            f"bones fold back by more than 135 degrees at {some(folded)} in most"
             " frames: joints of a finger in another order",
         )
         return
@@ -155,10 +155,6 @@ def _order_findings(s: Sequence) -> Iterator[Finding]:
 
 def _order(s: Sequence, text: str) -> Finding:
     return Finding("order", text, s.present.copy(), 4.0)
-
-
-def _some(names: list[str]) -> str:
-    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
 
 
 def side_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:

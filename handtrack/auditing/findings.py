@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from collections.abc import Sequence as Items
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,6 +46,12 @@ class Finding:
     def frames(self) -> int:
         """How many frames it is in."""
         return int(self.marks.any(1).sum())
+
+
+def some(names: Items[str], most: int = 4) -> str:
+    """The first names, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 def merged(findings: list[Finding]) -> Finding:

@@ -13,7 +13,7 @@ from handtrack.evaluation.anatomy import bone_lengths
 from handtrack.evaluation.arrays import Array, nan_mean
 from handtrack.sequences.skeleton_check import median
 
-_APART = 0.07
+APART = 0.07
 """Hands whose bones differ by more than so much (root mean square of logarithms) are of two."""
 _UNSURE = ("unit", "order", "bones breathe", "residual")
 """What was found of these says nothing of whose hand it is."""
@@ -39,7 +39,7 @@ def people(audits: Many[Audited]) -> list[dict[str, Any]]:
                 continue
             off = [_apart(bones, np.mean(g[1], axis=0)) for g in groups]
             k = int(np.argmin(off)) if off else -1
-            if k < 0 or off[k] > _APART:
+            if k < 0 or off[k] > APART:
                 groups.append(([a.name], [bones]))
             else:
                 groups[k][0].append(a.name)

@@ -128,12 +128,13 @@ def _print(audits: list[Audited]) -> None:
 
 
 def _print_people(folders: list[dict[str, Any]]) -> None:
+    from handtrack.auditing.findings import some
+    from handtrack.auditing.people import APART
+
     for of in folders:
-        groups = " | ".join(
-            ", ".join(g[:4]) + (f" and {len(g) - 4} more" if len(g) > 4 else "")
-            for g in of["people"][:4]
-        )
+        groups = " | ".join(some(group) for group in of["people"][:4])
         click.echo(
             f"{of['folder']}: hands of {len(of['people'])} people (no fault by itself), bones of"
-            f" the first two differ by {of['apart_percent']} %, 7 % is let pass: {groups}"
+            f" the first two differ by {of['apart_percent']} %,"
+            f" {100 * APART:.0f} % is let pass: {groups}"
         )

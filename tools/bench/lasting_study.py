@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 import handtrack as ht
 from handtrack.evaluation.metrics import pa_mpjpe
 from tools.bench.laid_over import lasting
-from tools.bench.oracles import ORDERS, savgol
+from tools.bench.oracles import nearer, savgols
 from tools.bench.rendered.layout import Clip, read_folder
 
 Array = NDArray[np.float64]
@@ -55,8 +55,7 @@ def ratios(clip: Clip, kind: tuple[float, float, float], seed: int) -> dict[str,
     def error(found: Array) -> float:
         return float(np.nanmean(pa_mpjpe(found, truth)))
 
-    windows = [(w, order) for order in ORDERS for w in WINDOWS if order < w <= len(joints)]
-    found = {"best window": min(error(savgol(joints, w, order)) for w, order in windows)}
+    found = {"best window": min(error(one.joints) for one in savgols(joints, WINDOWS))}
     sequence = ht.Sequence(time_ns, joints, hand=clip.hand)
     for name, settings in METHODS.items():
         found[name] = error(ht.track(sequence, **settings).filtered_joints)
@@ -72,8 +71,7 @@ def study(clips: list[Clip]) -> dict[str, Any]:
         found = [ratios(clip, kind, seed) for seed, clip in enumerate(clips)]
         cells = [f"{kind[0]:g} s, {kind[1]:g} mm, white {kind[2]:g} mm"]
         for name in names:
-            values = np.array([one[name] for one in found])
-            cells.append(f"{values.mean():.3f} ({100 * (values < 1).mean():.0f} %)")
+            cells.append(nearer([one[name] for one in found]))
         rows.append(cells)
         print(" | ".join(cells), flush=True)
     made_by = f"python -m tools.bench.lasting_study, {len(clips)} clips"

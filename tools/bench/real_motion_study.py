@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 import handtrack as ht
 from handtrack.evaluation.metrics import pa_mpjpe
 from tools.bench.laid_over import KINDS
-from tools.bench.oracles import ORDERS, savgol
+from tools.bench.oracles import nearer, savgols
 
 Array = NDArray[np.float64]
 
@@ -95,8 +95,7 @@ def ratios(clip: Clip, kind: str) -> tuple[dict[str, float], dict[str, float]]:
         return 1e3 * float(np.nanmean(pa_mpjpe(np.where(seen, found, np.nan), truth)))
 
     raw = error(joints)
-    windows = [(w, order) for order in ORDERS for w in WINDOWS if order < w <= len(joints)]
-    found = {"best window": min(error(savgol(joints, w, order)) for w, order in windows) / raw}
+    found = {"best window": min(error(one.joints) for one in savgols(joints, WINDOWS)) / raw}
     angles = {}
     sequence = ht.Sequence(time_ns, joints, hand=clip.sequence.hand)
     hand = ht.track(sequence).model
@@ -115,8 +114,7 @@ def study(clips: list[Clip], kinds: list[str], half: str) -> dict[str, Any]:
         found, turned = zip(*[ratios(clip, kind) for clip in clips], strict=True)
         cells = [kind, f"{np.mean([one['raw'] for one in found]):.1f}"]
         for name in names:
-            values = np.array([one[name] for one in found])
-            cells.append(f"{values.mean():.3f} ({100 * (values < 1).mean():.0f} %)")
+            cells.append(nearer([one[name] for one in found]))
         cells += [f"{np.mean([one[name] for one in turned]):.1f}" for name in FILTERS]
         rows.append(cells)
         print(" | ".join(cells), flush=True)

@@ -12,7 +12,7 @@ import numpy as np
 import handtrack as ht
 from handtrack.errors import SettingsError
 from handtrack.evaluation.metrics import pa_mpjpe
-from tools.bench.oracles import savgol
+from tools.bench.oracles import savgols
 from tools.bench.rendered.bones import learnt_offsets, moved_by
 from tools.bench.rendered.cases import Case
 from tools.bench.rendered.layout import Array
@@ -20,7 +20,7 @@ from tools.bench.rendered.pictured import seen_by_cameras, seen_in_picture
 from tools.bench.rendered.profiles import Profiles
 
 WINDOWS = (3, 5, 7, 9, 11, 13, 15, 19, 25)
-ORDERS = (0, 2, 4)
+"""Windows of the Savitzky-Golay filter that are tried on clips [frames]."""
 
 
 class Estimate(NamedTuple):
@@ -50,12 +50,7 @@ def triangulated(case: Case) -> Estimate:
 
 def best_savgol(case: Case) -> Estimate:
     """Savitzky-Golay with the window and degree that suit the clip's truth best."""
-    tried = [
-        Estimate(savgol(case.joints, window, order), None, f"window {window}, degree {order}")
-        for order in ORDERS
-        for window in WINDOWS
-        if order < window <= len(case.joints)
-    ]
+    tried = [Estimate(best.joints, None, best.parameters) for best in savgols(case.joints, WINDOWS)]
     seen = np.isfinite(pa_mpjpe(case.joints, case.clip.truth_joints))
 
     def error(one: Estimate) -> float:
