@@ -41,12 +41,14 @@ def clips_of(
 
     Raises:
         InputError: something is not there or not as expected; the message names it.
-        SettingsError: the expression is none, or found nowhere.
+        SettingsError: the expression is none, or found nowhere; no manifest can have the columns.
     """
     clips: list[Clip] = []
     roots: list[str] = []
+    listed = False
     for place in inputs:
         table = _as_manifest(place)
+        listed |= table is not None
         if table is not None:
             found, root = clips_of_rows(table, place, own), ""
             root = common_root(clip.path for clip in found)
@@ -54,6 +56,10 @@ def clips_of(
             found, root = clips_in(place)
         clips += found
         roots += [root] * len(found)
+    if own and not listed:
+        raise SettingsError(
+            f"--column {own[0]}: columns are a manifest's, and {', '.join(inputs[:_SHOWN])} is none"
+        )
     return _finished(clips, roots, subject)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from difflib import get_close_matches
 from typing import Any
 
@@ -127,6 +128,7 @@ class Command(click.Command):
         if "-" in given:
             ctx.fail("- is no file here: `handtrack live --stdin` reads joints from a pipe")
         try:
+            self._refuse_twice(ctx, given)
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
             named = [a for a in given if a.startswith("-") and os.path.exists(a)]
@@ -136,6 +138,16 @@ class Command(click.Command):
         except click.UsageError as error:
             error.ctx = error.ctx or ctx
             raise
+
+    def _refuse_twice(self, ctx: click.Context, given: list[str]) -> None:
+        """Refuse an option whose value would take the place of one that was given before."""
+        _, _, order = self.make_parser(ctx).parse_args(list(given))
+        for option, times in Counter(order).items():
+            if not isinstance(option, click.Option) or option.multiple or option.is_flag:
+                continue
+            if times > 1:
+                name = max(option.opts, key=len)
+                ctx.fail(f"{name} is given {times} times and takes one value: give it once")
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         # newer versions of click tell of arguments here, too, which the text above does

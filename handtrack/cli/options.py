@@ -128,6 +128,16 @@ TRACKING = {
 """How to track: an option for each setting of `handtrack.track` that is for the command line.
 `track`, `retrack` and `live` share them, and `--limits`, which are the model's."""
 
+_KALMAN = ("kalman", "fixed-lag", "rts")
+_BELONGS = {
+    "lag": ("filter", ("fixed-lag",)),
+    "process_noise": ("filter", _KALMAN),
+    "noise_colour": ("filter", _KALMAN),
+    "couple": ("filter", _KALMAN),
+    "spread_mm": ("robust", ("huber", "geman-mcclure")),
+}
+"""Options that say something only of some choices of another."""
+
 
 def is_default(name: str) -> bool:
     """Whether the user left an option of the running command out."""
@@ -150,11 +160,18 @@ def take_tracking(options: dict[str, Any]) -> tuple[TrackSettings, str]:
         SettingsError: a value cannot be used, or the filter has no use for an option.
     """
     settings = TrackSettings.of(None, {name: options.pop(name) for name in TRACKING})
-    # retrack has the filter from the recording where it is not given
-    known = click.get_current_context().info_name != "retrack" or not is_default("filter")
-    name = settings.filter.name
-    if known and name != "fixed-lag" and not is_default("lag"):
-        raise SettingsError(f"--lag belongs to --filter fixed-lag, not to {name}")
+    chosen = {"filter": settings.filter.name, "robust": settings.fit.robust}
+    stored = click.get_current_context().info_name == "retrack"
+    for option, (of, using) in _BELONGS.items():
+        # retrack has what is not given from the recording
+        known = not (stored and is_default(of))
+        if known and chosen[of] not in using and not is_default(option):
+            no = "no-" if settings.flat()[option] is False else ""
+            *most, last = using
+            words = " or ".join([", ".join(most), last] if most else [last])
+            raise SettingsError(
+                f"--{no}{option.replace('_', '-')} belongs to --{of} {words}, not to {chosen[of]}"
+            )
     return settings, options.pop("limits")
 
 

@@ -131,6 +131,35 @@ BAD = {
         ["track", SHORT, "--filter", "kalman", "--lag", "3"],
         "--lag belongs to --filter fixed-lag, not to kalman",
     ),
+    "spread of no robust loss": (
+        ["track", SHORT, "--spread-mm", "5"],
+        "--spread-mm belongs to --robust huber or geman-mcclure, not to none",
+    ),
+    "coupling of no filter": (
+        ["track", SHORT, "--filter", "one-euro", "--no-couple"],
+        "--no-couple belongs to --filter kalman, fixed-lag or rts, not to one-euro",
+    ),
+    "process noise of no filter": (
+        ["batch", SHORT, "-o", "out", "--process-noise", "2"],
+        "--process-noise belongs to --filter kalman, fixed-lag or rts, not to none",
+    ),
+    "one of two truths": (
+        ["stability", RECORDING, "--truth", SHORT, "--truth", SHORT],
+        "--truth is given 2 times and takes one value: give it once",
+    ),
+    "one of two outputs": (
+        ["track", SHORT, "-o", "a.mcap", "--output", "b.mcap"],
+        "--output is given 2 times and takes one value: give it once",
+    ),
+    "a column of no manifest": (
+        ["batch", SHORT, "-o", "out", "--column", "action"],
+        "--column action: columns are a manifest's, and",
+    ),
+    "columns of arrays": (
+        ["track", SHORT, "--columns", "1:63"],
+        "--columns is for text tables; .npz, HDF5 and JSON have --key",
+    ),
+    "columns of JSON": (["track", "other.json", "--columns", "1:63"], "--columns is for text tab"),
     "no input": (["track"], "Missing argument 'INPUT...'"),
     "two inputs": (["track", "cut.npz", "words.txt"], "nothing to track in 2 inputs: cut.npz: "),
     "unknown command": (["dance"], "No such command 'dance'"),

@@ -111,7 +111,8 @@ def test_options_come_from_a_file_and_are_recorded(call, clip):
 
 
 def test_saved_options_give_the_same_again(call, clip):
-    options = ("--filter", "one-euro", "--no-gate", "--spread-mm", "7.5", "--hand", "right")
+    robust = ("--robust", "huber", "--spread-mm", "7.5")
+    options = ("--filter", "one-euro", "--no-gate", *robust, "--hand", "right")
     assert call("track", clip, "-o", "a.mcap", *options, "--save-config", "run.toml", "-q")[0] == 0
     assert 'filter = "one-euro"' in Path("run.toml").read_text()
     assert call("track", clip, "-o", "b.mcap", "--config", "run.toml", "--overwrite", "-q")[0] == 0

@@ -26,6 +26,7 @@ from handtrack.sequences.titles import (
 )
 
 _JOINTS = "joints"
+_HEAD = 4096
 _MOST = 30
 """So many names are listed of a file that has no such key."""
 
@@ -47,7 +48,11 @@ def read_chosen(path: Path, key: str | None, columns: str | None) -> list[Raw]:
     if key is not None and columns is not None:
         raise SettingsError("--key is for arrays and --columns for tables: give one")
     if columns is not None:
-        fields = _of_table(read_cells(budget.read(path), path), columns, path)
+        data = budget.read(path)
+        head = as_utf8(data)[:_HEAD].lstrip()
+        if b"\x00" in head or head.startswith((b"{", b"[{", npz.ZIP)):
+            raise InputError("--columns is for text tables; .npz, HDF5 and JSON have --key", path)
+        fields = _of_table(read_cells(data, path), columns, path)
     else:
         fields = _of_key(path, key or "")
     parts = by_frame(fields, path)
@@ -60,7 +65,7 @@ def _of_key(path: Path, key: str) -> dict[str, Any]:
         head = stream.read(8)
     if head.startswith(hdf5_file.HDF5_MAGIC):
         return _of_hdf5(path, key)
-    if head.startswith(b"PK\x03\x04"):
+    if head.startswith(npz.ZIP):
         arrays, _ = npz.read_npz(path, path)
         named = {n: (a.item() if np.ndim(a) == 0 else a) for n, a in arrays.items()}
         return _with_joints(named, key, path)
