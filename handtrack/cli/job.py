@@ -14,16 +14,17 @@ from handtrack.cli.live_view import Live
 from handtrack.cli.models import Models
 from handtrack.cli.one_camera import say_of_picture
 from handtrack.cli.options import is_default
-from handtrack.cli.outputs import Job, Stretches, recorder
+from handtrack.cli.outputs import Job, recorder
 from handtrack.cli.pictures import for_viewer
 from handtrack.cli.progress import Progress, Times
 from handtrack.cli.sources import Item, Skipped
 from handtrack.errors import HandtrackError, NoHandError, SettingsError
 
 if TYPE_CHECKING:
-    from handtrack import Sequence, Track
+    from handtrack import McapRecorder, Sequence, Track
     from handtrack.cli.inputs import Reading
     from handtrack.hand.skeleton import Hand
+    from handtrack.mcap.state import Stretch
     from handtrack.recording.settings import RecordingSettings
     from handtrack.tracking.settings import TrackSettings
 
@@ -45,6 +46,39 @@ class Made:
     notes: list[str] = field(default_factory=list)
     repairs: list[str] = field(default_factory=list)
     skipped: list[Skipped] = field(default_factory=list)
+
+
+class Stretches:
+    """Records the stretches of a track, from the first on that a hand is seen in.
+
+    So a hand that is never seen leaves nothing. `told` stands among its settings.
+
+    Attributes:
+        seconds: time spent with recording [s].
+    """
+
+    def __init__(self, recorder: McapRecorder, hand: int, told: dict[str, Any]) -> None:
+        self._recorder, self._hand, self._more = recorder, hand, told
+        self._waiting: list[Stretch] = []
+        self._seen = False
+        self.seconds = 0.0
+
+    def __call__(self, part: Stretch) -> None:
+        start = time.perf_counter()
+        self._seen = self._seen or bool((part.status != "lost").any())
+        self._waiting.append(part)
+        if self._seen:
+            for waiting in self._waiting:
+                self._recorder.add(self._told(waiting), self._hand)
+            self._waiting = []
+        self.seconds += time.perf_counter() - start
+
+    def _told(self, part: Stretch) -> Stretch:
+        """A stretch whose settings hold what else is to be told."""
+        if not self._more:
+            return part
+        settings = {**part.head.settings, **self._more}
+        return replace(part, head=replace(part.head, settings=settings))
 
 
 @dataclass

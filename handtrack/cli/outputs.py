@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-import time
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -17,7 +15,6 @@ from handtrack.errors import SettingsError
 if TYPE_CHECKING:
     from handtrack import McapRecorder, Sequence
     from handtrack.cli.sources import Item
-    from handtrack.mcap.state import Stretch
     from handtrack.recording.settings import RecordingSettings
 
 RECORDINGS = Path("recordings")
@@ -136,39 +133,6 @@ def recorder(mcap: Path, sequences: list[Sequence], recording: RecordingSettings
         start_ns=min(int(sequence.time_ns[0]) for sequence in sequences),
         recording=recording,
     )
-
-
-class Stretches:
-    """Records the stretches of a track, from the first on that a hand is seen in.
-
-    So a hand that is never seen leaves nothing. `told` stands among its settings.
-
-    Attributes:
-        seconds: time spent with recording [s].
-    """
-
-    def __init__(self, recorder: McapRecorder, hand: int, told: dict[str, Any]) -> None:
-        self._recorder, self._hand, self._more = recorder, hand, told
-        self._waiting: list[Stretch] = []
-        self._seen = False
-        self.seconds = 0.0
-
-    def __call__(self, part: Stretch) -> None:
-        start = time.perf_counter()
-        self._seen = self._seen or bool((part.status != "lost").any())
-        self._waiting.append(part)
-        if self._seen:
-            for waiting in self._waiting:
-                self._recorder.add(self._told(waiting), self._hand)
-            self._waiting = []
-        self.seconds += time.perf_counter() - start
-
-    def _told(self, part: Stretch) -> Stretch:
-        """A stretch whose settings hold what else is to be told."""
-        if not self._more:
-            return part
-        settings = {**part.head.settings, **self._more}
-        return replace(part, head=replace(part.head, settings=settings))
 
 
 def check_target(

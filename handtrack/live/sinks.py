@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -13,7 +14,7 @@ from handtrack.hand.skeleton import HANDS, Hand
 from handtrack.mcap.hand import Event, Head
 from handtrack.recording.recorder import McapRecorder
 from handtrack.recording.settings import RecordingSettings
-from handtrack.tracking.events import frame_events
+from handtrack.tracking.block import EventsOf
 from handtrack.tracking.frame import TrackedFrame, stretch_of_frames
 from handtrack.tracking.tracker import Tracker
 from handtrack.video.media import Picture
@@ -60,7 +61,7 @@ class RecorderSink:
         self._source, self._config = source, config or {}
         self._waiting: dict[Hand, list[tuple[TrackedFrame, int]]] = {}
         self._trackers: dict[Hand, Tracker] = {}
-        self._before: dict[Hand, TrackedFrame] = {}
+        self._happened: dict[Hand, EventsOf] = {}
         self._events: dict[Hand, list[Event]] = {}
         self._names = dict.fromkeys(HANDS, NAME)
         hands = [(name, hand) for name in (NAME, CALIBRATED) for hand in HANDS]
@@ -96,9 +97,9 @@ class RecorderSink:
             frames,
             Head.of(model, self._names[hand], settings, source=self._source),
             [index for _, index in self._waiting[hand]],
-            events=[*self._events.pop(hand, []), *frame_events(frames, self._before.get(hand))],
         )
-        self._before[hand] = frames[-1]
+        happened = self._happened.setdefault(hand, EventsOf())(part)
+        part = replace(part, events=(*self._events.pop(hand, []), *happened))
         self._waiting[hand] = []
         later = len(HANDS) * (self._names[hand] == CALIBRATED)
         self._recorder.add(part, HANDS.index(hand) + later)

@@ -19,9 +19,8 @@ from handtrack.hand.mano_pose import to_mano
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.hand.skeleton import N_JOINTS, Hand
-from handtrack.mcap.frames import Rows
+from handtrack.mcap.frames import Layout, Rows, tag, varint
 from handtrack.mcap.hand import Event, Head
-from handtrack.mcap.layout import Layout, tag, varint
 from handtrack.mcap.schema import array_class
 from handtrack.read_only import make_read_only
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import SettingsError
-from handtrack.tracking.track import Part, SkinOfFrames, Track
+from handtrack.tracking.track import Part, Skin, Track
 
 P = TypeVar("P", bound=Part)
 
@@ -97,3 +97,20 @@ def frames_of(track: P, some: slice | NDArray[np.int64]) -> P:
         return dataclasses.replace(track, **arrays)
     skin = SkinOfFrames(track.skin, np.arange(len(track))[some])
     return dataclasses.replace(track, **arrays, skin=skin)
+
+
+class SkinOfFrames:
+    """The skins of some frames of a sequence, as a `Skin`.
+
+    Args:
+        whole: the skins of all frames.
+        frames: (n,) which.
+    """
+
+    def __init__(self, whole: Skin, frames: NDArray[np.int64]) -> None:
+        self._whole, self._frames = whole, frames
+        self.n_vertices, self.faces = whole.n_vertices, whole.faces
+
+    def vertices(self, frames: slice | NDArray[np.int64]) -> NDArray[np.float64]:
+        """(n, V, 3) in the world [m], NaN where none was recorded."""
+        return self._whole.vertices(self._frames[frames])

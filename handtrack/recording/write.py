@@ -22,18 +22,16 @@ from handtrack.files.long_arrays import blocks
 from handtrack.files.whole import whole_file
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.mcap import foxglove
-from handtrack.mcap.foxglove import robot_description
+from handtrack.mcap.foxglove import PartSkinEncoder, robot_description
 from handtrack.mcap.frames import Frames, Rows, Times
 from handtrack.mcap.hand import Event, Head, encode_event, encode_hand, hand_topics, text
 from handtrack.mcap.hands import METADATA
-from handtrack.mcap.part_skin import PartSkinEncoder
 from handtrack.mcap.schema import HAND_SCHEMAS, ROS2_DEFINITIONS, descriptor_set
 from handtrack.mcap.state import state_rows
 from handtrack.mcap.stream import McapStream
 from handtrack.recording.settings import MeshChoice, RecordingSettings
 from handtrack.recording.summary import SUMMARY, HandSummary, summary_record
-from handtrack.tracking.events import log_lines
-from handtrack.tracking.track import Part, Track, tracks_of
+from handtrack.tracking.track import Part, Track, log_lines, tracks_of
 
 FORMAT_VERSION = "2"
 BATCH = 128

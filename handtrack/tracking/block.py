@@ -251,3 +251,25 @@ class AllWaiting:
         times, observed, given, raw, rejected, restart = found
         reasons = self._reasons.read(part)
         return Fitted(times, observed, given, raw, reasons, rejected, restart)
+
+
+class EventsOf:
+    """What happened in the stretches of a hand, one after another: changes of status, hands found
+    anew, joints newly rejected."""
+
+    def __init__(self) -> None:
+        self._status = ""
+        self._rejected = np.zeros((1, N_JOINTS), np.bool_)
+
+    def __call__(self, part: Stretch) -> list[Event]:
+        """Those of the next frames, one or more."""
+        status, rejected = part.status, part.rejected
+        changed = status != np.concatenate([[self._status], status[:-1]])
+        newly = (rejected & ~np.concatenate([self._rejected, rejected[:-1]])).any(1)
+        self._status, self._rejected = str(status[-1]), rejected[-1:]
+        events = []
+        for t in np.flatnonzero(changed | part.restart | newly).tolist():
+            level = "info" if status[t] == "fitted" else "warning"
+            words = (str(status[t]) if changed[t] else "", str(part.reason[t]))
+            events.append(Event(int(part.time_ns[t]), level, ": ".join(filter(None, words))))
+        return events

@@ -18,23 +18,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.fitting import solver
+from handtrack.fitting.result import N_POSE
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import JOINT_NAMES
 from handtrack.kernels import workspace
 from handtrack.kernels.workspace import Records
-from handtrack.tracking.outliers import (
-    NONE,
-    Mask,
-    Place,
-    Weeder,
-    known_lengths,
-    moved_by,
-    noise_left,
-    place_of,
-)
+from handtrack.tracking.outliers import NONE, Attempt, Mask, Weeder, known_lengths
 from handtrack.tracking.settings import TrackerSettings
 
 Array = NDArray[np.float64]
+Point = tuple[float, float, float]
+Place = tuple[Point, Point]
+"""The wrist, and a point before it where the fingertips of a flat hand are [m]."""
 REJECTED = workspace.UNDERDETERMINED + 1
 """State of a frame that was fitted but is not believed; the others are in `kernels.workspace`."""
 
@@ -57,6 +52,8 @@ _NOT, _BADLY, _TOO_FAST, _JUMPED_BADLY = range(4)
 _FIRST_NOISE_M, _GAIN = 0.010, 0.03
 # a share of the cost at which another pose is another basin
 _BETTER = 0.5
+# how far the fingertips of a flat hand are from its wrist [m]
+_REACH_M = 0.15
 # frames that are fitted at once: few where doubts are frequent, as those after one are in vain
 _SHORTEST, _LONGEST = 4, 256
 
@@ -162,7 +159,7 @@ class Gate:
                 if seen[t] > 0 and self._strays(observed[t], w[t], times_ns[t]).any():
                     return t
                 continue
-            noise, place = noise_left(objective, seen[t]), place_of(roots[t])
+            noise, place = _noise_left(objective, seen[t]), _place_of(roots[t])
             if worst[t] > self._look or self._doubt(noise, place, times_ns[t]):
                 return t
             self._believe(results, t, noise, place, times_ns[t])
@@ -183,7 +180,7 @@ class Gate:
         if self._place is None or time_ns - self._time_ns > self._patience_ns:
             return _NOT
         dt = 1e-9 * (time_ns - self._time_ns)
-        moved = moved_by(place, self._place)
+        moved = _moved_by(place, self._place)
         if moved > _FAR_M + _IMPOSSIBLE * dt:
             return _TOO_FAST
         if moved > _STEP_M + _SPEED * dt and noise > max(_JUMPY_M, _JUMPY * self._noise):
@@ -195,7 +192,7 @@ class Gate:
         badly = f"fit error {1e3 * noise:.0f} mm, usually {1e3 * self._noise:.0f} mm"
         if doubt == _BADLY or self._place is None:
             return badly
-        moved, dt = moved_by(place, self._place), 1e-9 * (time_ns - self._time_ns)
+        moved, dt = _moved_by(place, self._place), 1e-9 * (time_ns - self._time_ns)
         jumped = f"jump of {1e3 * moved:.0f} mm in {1e3 * dt:.0f} ms"
         return jumped if doubt == _TOO_FAST else f"{jumped}, {badly}"
 
@@ -235,19 +232,21 @@ class Gate:
         if anew:
             first = cold
         best = self._weeder.weeded(observed, w, first, self._look, self._outlier)
-        doubt = self._doubt(best.noise, best.place, time_ns)
+        noise, place = _standing(best)
+        doubt = self._doubt(noise, place, time_ns)
         if was_fitted and not anew and (doubt or best.worst > self._look):
             other = self._weeder.weeded(observed, w, cold, self._look, self._outlier)
             if other.objective < _BETTER * best.objective:
                 best, anew = other, True
-                doubt = self._doubt(best.noise, best.place, time_ns)
+                noise, place = _standing(best)
+                doubt = self._doubt(noise, place, time_ns)
         reason = best.reason
         if anew:
             reason = _joined("another pose fits better: found anew", reason)
         if doubt:
-            why = self._why(doubt, best.noise, best.place, time_ns)
+            why = self._why(doubt, noise, place, time_ns)
             # what fits as usual, and was not there the frame before, may be anywhere
-            usual = doubt == _TOO_FAST and best.noise <= max(_JUMPY_M, _JUMPY * self._noise)
+            usual = doubt == _TOO_FAST and noise <= max(_JUMPY_M, _JUMPY * self._noise)
             patient = self._doubt_ns is None or time_ns - self._doubt_ns < self._patience_ns
             if patient and not (usual and not was_fitted):
                 self._doubt_ns = time_ns if self._doubt_ns is None else self._doubt_ns
@@ -258,12 +257,12 @@ class Gate:
             anew = True
             if not usual:
                 # from now on this is how it is
-                self._noise, self._frames = best.noise, 1
+                self._noise, self._frames = noise, 1
             reason = _joined(f"found anew: {why}", reason)
         results.rows[t] = best.results.rows[0]
         results.rows["anew"][t] = anew
         w[:], keep[:] = best.w, best.keep
-        self._believe(results, t, best.noise, best.place, time_ns)
+        self._believe(results, t, noise, place, time_ns)
         return Verdict(best.rejected, reason, anew)
 
     def _better(self, observed: Array, w: Array, cold: Records, objective: float) -> bool:
@@ -277,6 +276,33 @@ class Gate:
     @property
     def _outlier(self) -> float:
         return max(_OUTLIER_M, _OUTLIER * self._noise)
+
+
+def _noise_left(objective: float, seen: float) -> float:
+    """Deviation of the joints per coordinate [m] that a fit's residual shows.
+
+    Few joints do not have 26 unknowns to explain them away: each leaves one at least.
+    """
+    return math.sqrt(objective / max(3.0 * seen - N_POSE, seen))
+
+
+def _place_of(root: list[float]) -> Place:
+    """Where a hand is, from its rotation (9,) and translation (3,)."""
+    wrist = root[9], root[10], root[11]
+    x, y, z = root[0], root[3], root[6]
+    return wrist, (wrist[0] + _REACH_M * x, wrist[1] + _REACH_M * y, wrist[2] + _REACH_M * z)
+
+
+def _moved_by(a: Place, b: Place) -> float:
+    """About how far a hand's joints have moved [m], but for their own bending."""
+    wrist = math.dist(a[0], b[0])
+    return max(wrist, 0.5 * (wrist + math.dist(a[1], b[1])))
+
+
+def _standing(of: Attempt) -> tuple[float, Place]:
+    """The noise that the fit of a frame leaves, and where it has the hand."""
+    noise = _noise_left(of.objective, float(of.results.rows["seen"][0]))
+    return noise, _place_of(of.results.roots[0].tolist())
 
 
 def _joined(*texts: str) -> str:

@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.fitting import solver
-from handtrack.fitting.result import N_POSE
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS
 from handtrack.kernels.workspace import Records
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Point = tuple[float, float, float]
-Place = tuple[Point, Point]
-"""The wrist, and a point before it where the fingertips of a flat hand are [m]."""
-
-_REACH_M = 0.15
 # more outliers in a frame than this, and it is no matter of single joints
 _MOST = 5
 
@@ -52,16 +45,8 @@ class Attempt(NamedTuple):
         return float(self.results.objective[0])
 
     @property
-    def noise(self) -> float:
-        return noise_left(self.objective, float(self.results.rows["seen"][0]))
-
-    @property
     def worst(self) -> float:
         return float(self.results.worst[0])
-
-    @property
-    def place(self) -> Place:
-        return place_of(self.results.roots[0].tolist())
 
     def distance(self, observed: Array) -> Array:
         """(21,) of the joints seen to their fitted ones [m]; 0 where missing."""
@@ -131,28 +116,7 @@ class Weeder:
         return best._replace(rejected=rejected, reason=", ".join(texts))
 
 
-def place_of(root: list[float]) -> Place:
-    """Where a hand is, from its rotation (9,) and translation (3,)."""
-    wrist = root[9], root[10], root[11]
-    x, y, z = root[0], root[3], root[6]
-    return wrist, (wrist[0] + _REACH_M * x, wrist[1] + _REACH_M * y, wrist[2] + _REACH_M * z)
-
-
-def moved_by(a: Place, b: Place) -> float:
-    """About how far a hand's joints have moved [m], but for their own bending."""
-    wrist = math.dist(a[0], b[0])
-    return max(wrist, 0.5 * (wrist + math.dist(a[1], b[1])))
-
-
 def known_lengths(vectors: Array) -> Array:
     """(21,) lengths of (21, 3); 0 for a missing one."""
     squared = (vectors * vectors).sum(-1)
     return np.sqrt(np.where(squared >= 0.0, squared, 0.0))
-
-
-def noise_left(objective: float, seen: float) -> float:
-    """Deviation of the joints per coordinate [m] that a fit's residual shows.
-
-    Few joints do not have 26 unknowns to explain them away: each leaves one at least.
-    """
-    return math.sqrt(objective / max(3.0 * seen - N_POSE, seen))

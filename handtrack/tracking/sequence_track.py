@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,9 +22,8 @@ from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import N_JOINTS
 from handtrack.mcap.hand import Event, Head
 from handtrack.mcap.state import Stretch
-from handtrack.sequences.sequence import Sequence
-from handtrack.tracking.block import Block
-from handtrack.tracking.events import EventsOf, remark_events, with_remarks
+from handtrack.sequences.sequence import Remark, Sequence
+from handtrack.tracking.block import Block, EventsOf
 from handtrack.tracking.settings import TrackSettings
 from handtrack.tracking.track import LongTrack, Track
 from handtrack.tracking.tracker import Tracker
@@ -90,17 +90,14 @@ def track_joints(
         progress(0)
     happened, made, done = EventsOf(), LongTrack(), 0
     for block in _blocks(tracker, sequence):
-        events += sorted(
-            happened(block) + remark_events(sequence.remarks, block),
-            key=lambda event: event.time_ns,
-        )
         part = slice(done, done + len(block))
-        stretch = with_remarks(block, sequence.remarks).stretch(
-            head,
-            sequence.frame_index[part],
-            None if sequence.truth is None else sequence.truth[part],
-            events,
+        truth = None if sequence.truth is None else sequence.truth[part]
+        stretch = block.stretch(head, sequence.frame_index[part], truth)
+        events += sorted(
+            happened(stretch) + _begun(sequence.remarks, stretch), key=lambda event: event.time_ns
         )
+        reason = _with_remarks(stretch, sequence.remarks)
+        stretch = replace(stretch, reason=reason, events=tuple(events))
         made.append(stretch)
         events, done = [], part.stop
         if on_part is not None:
@@ -188,3 +185,20 @@ def _blocks(tracker: Tracker, sequence: Sequence) -> Iterator[Block]:
     for block in tracker._rest():
         for t in range(0, len(block), _CHUNK):
             yield block.part(slice(t, t + _CHUNK))
+
+
+def _begun(remarks: Iterable[Remark], part: Stretch) -> list[Event]:
+    """An event for every remark that begins in these frames."""
+    first, last = int(part.time_ns[0]), int(part.time_ns[-1])
+    return [Event(r.first_ns, "info", r.text) for r in remarks if first <= r.first_ns <= last]
+
+
+def _with_remarks(part: Stretch, remarks: Iterable[Remark]) -> NDArray[np.str_]:
+    """(T,) the reasons of frames, with each remark among those of the frames that it is about."""
+    reasons = part.reason.tolist()
+    for remark in remarks:
+        begin = int(np.searchsorted(part.time_ns, remark.first_ns, "left"))
+        end = int(np.searchsorted(part.time_ns, remark.last_ns, "right"))
+        for i in range(begin, end):
+            reasons[i] = "; ".join(filter(None, (remark.text, reasons[i])))
+    return np.array(reasons, np.str_)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol, cast
@@ -40,23 +41,6 @@ class Skin(Protocol):
     def vertices(self, frames: slice | NDArray[np.int64]) -> Array:
         """(n, V, 3) in the world [m], NaN where none was recorded."""
         ...
-
-
-class SkinOfFrames:
-    """The skins of some frames of a sequence, as a `Skin`.
-
-    Args:
-        whole: the skins of all frames.
-        frames: (n,) which.
-    """
-
-    def __init__(self, whole: Skin, frames: NDArray[np.int64]) -> None:
-        self._whole, self._frames = whole, frames
-        self.n_vertices, self.faces = whole.n_vertices, whole.faces
-
-    def vertices(self, frames: slice | NDArray[np.int64]) -> Array:
-        """(n, V, 3) in the world [m], NaN where none was recorded."""
-        return self._whole.vertices(self._frames[frames])
 
 
 @renamed(sweeps="iterations")
@@ -307,3 +291,34 @@ def mean_and_max(distance: Array) -> tuple[Array, Array]:
         mean = np.where(known, distance, 0).sum(1) / count
     greatest = np.where(known, distance, -np.inf).max(1)
     return mean, np.where(count > 0, greatest, np.nan)
+
+
+def log_lines(track: Part, before: tuple[str, str] = ("fitted", "")) -> list[Event]:
+    """The lines of a log: events, and the changes of status that none of them tells, in order.
+
+    Args:
+        track: a track, or a stretch of one.
+        before: status and reason of the frame before its first.
+    """
+    lines = list(track.events)
+    told = {line.time_ns for line in lines}
+    columns = (track.frame_index, track.time_ns, track.status, track.reason)
+    rows = (
+        row
+        for part in blocks(len(track))
+        for row in zip(*(column[part].tolist() for column in columns), strict=True)
+    )
+    for frame, time, status, reason in rows:
+        now = (status, reason)
+        # a reason that only its numbers tell from the last one is no news, nor is none any more
+        new_reason = bool(reason) and _words(reason) != _words(before[1])
+        if (status != before[0] or new_reason) and time not in told:
+            level = "warning" if status == "lost" else "info"
+            text = f"frame {frame}: {status}{f': {reason}' if reason else ''}"
+            lines.append(Event(time, level, text))
+        before = now
+    return sorted(lines, key=lambda line: line.time_ns)
+
+
+def _words(reason: str) -> str:
+    return re.sub(r"\d+", "", reason)

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from handtrack.hand.limits import SADDLE_FLEXION, Limits
 from handtrack.hand.skeleton import FINGERS, PARENTS
-from handtrack.tracking.events import log_lines
-from handtrack.tracking.track import Part, mean_and_max
+from handtrack.tracking.track import Part, log_lines, mean_and_max
 from handtrack.viewer import style
 from handtrack.viewer.sending import Sender, indexes
 from handtrack.viewer.shown import Shown

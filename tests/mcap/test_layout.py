@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from handtrack.mcap.layout import Layout, timestamps, varint
+from handtrack.mcap.frames import Layout, timestamps, varint
 from handtrack.mcap.schema import message_class
 
 TIMES = [0, 1, 999_999_999, 1_000_000_000, 1_700_000_000_123_456_789, 2**63 - 1, 2**64 - 1]

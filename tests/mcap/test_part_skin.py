@@ -11,8 +11,7 @@ from made_tracks import make_track
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import quaternion_to_matrix
 from handtrack.hand.skeleton import N_PARTS, PART_NAMES
-from handtrack.mcap.foxglove import TransformEncoder
-from handtrack.mcap.part_skin import AGAIN_NS, PartSkinEncoder, piece
+from handtrack.mcap.foxglove import AGAIN_NS, PartSkinEncoder, TransformEncoder, piece
 from handtrack.mcap.schema import message_class
 
 
