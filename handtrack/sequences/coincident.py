@@ -48,6 +48,8 @@ def without_coincident(joints: Array) -> tuple[Array, list[str]]:
         return found
 
     frames = np.flatnonzero(by_blocks(may_be_near, joints))
+    if not len(frames):
+        return joints, []
     x = by_blocks(lambda some: joints[some], frames)
     same = np.zeros((len(x), N_JOINTS, N_JOINTS), dtype=bool)
     for a, b in combinations(range(N_JOINTS), 2):

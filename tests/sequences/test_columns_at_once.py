@@ -200,13 +200,45 @@ def test_cells_of_places_the_same_as_one_by_one(tmp_path, monkeypatch, joints, k
     assert isinstance(quick, str) or damage in ("whole", "a bracket less", "a number before")
 
 
-def test_cells_of_places_are_read_at_once(joints):
-    for kind, form in CELLS.items():
-        cells = [[form.format(*(f"{v:.7f}" for v in p)) for p in frame] for frame in joints]
-        lines = ["\x1f".join(row) for row in cells]
-        split = [line.split("\x1f") for line in lines]
-        first = "\x1f".join(f"{v:.7f}" for v in joints[0].ravel())
-        rows = table_places._literally(lines, "\x1f", split[0], first)
-        assert rows is not None, kind
-        found = np.array([row.split("\x1f") for row in rows], float).reshape(N, 21, 3)
-        np.testing.assert_array_equal(found, np.round(joints, 7))
+WHOLE = {"rows": "[{}, {}, {}]", "points": "Point(x={}, y={}, z={})", "NumPy": "[{}  {} {}]"}
+
+
+@pytest.mark.parametrize("form", [*CELLS.values(), *WHOLE.values()])
+@pytest.mark.parametrize("mark", [";", "\x1f"])
+def test_cells_of_places_are_read_at_once(joints, form, mark):
+    hand = form in WHOLE.values()
+    if hand:
+        form = f"[{' '.join([form] * 21)}]"
+    lines = []
+    for i, frame in enumerate(joints):
+        texts = [f"{v:.7f}" for v in frame.ravel()]
+        cells = [texts] if hand else zip(*[iter(texts)] * 3, strict=True)
+        lines.append(mark.join([f"{i}", *(form.format(*cell) for cell in cells), "2"]))
+    first = lines[0].split(mark)
+    widths = dict.fromkeys(range(1, len(first) - 1), 63 if hand else 3)
+    rows = table_places._at_once(lines, mark, first, widths)
+    assert rows is not None
+    found = np.array([row.split("\x1f") for row in rows], float)
+    np.testing.assert_array_equal(found[:, 1:-1].reshape(N, 21, 3), np.round(joints, 7))
+    np.testing.assert_array_equal(found[:, [0, -1]], [(i, 2) for i in range(N)])
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        "1;[0.1  0.2];[0.3 0.5  0.6 0.7];4",  # as many numbers in the line, not in each cell
+        "1;[0.1  0.2 0.3];[0.5  0. 6 0.7];4",
+        "1;[0.1  0.20.3];[0.5  0.6 0.7];4",
+        "1;[0.1  0.2 0.3];[0.5  0.6 0.7];",
+        "1;[0.1  0.2 0.3];[0.5  0.6 x];4",
+        "1;[0.1  0.2 0.3];[0.5  0.6 0.7]",
+    ],
+)
+def test_cells_between_blanks_hold_as_many_numbers(other):
+    first = "1;[0.1  0.2 0.3];[ 0.5  0.6 -0.7];4"
+    ways = (first, first.replace("-0.7]", "0.75 ]"))
+    read = lambda lines: table_places._at_once(lines, ";", first.split(";"), {1: 3, 2: 3})  # noqa: E731
+    assert read([*ways]) == [
+        "1\x1f0.1\x1f0.2\x1f0.3\x1f0.5\x1f0.6\x1f" + z for z in ("-0.7\x1f4", "0.75\x1f4")
+    ]
+    assert read([*ways, other]) is None

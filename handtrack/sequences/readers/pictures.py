@@ -49,11 +49,14 @@ def seen_in_picture(raw: Raw, normalised: bool = False) -> Raw:
 
 def _deep_at_the_wrist(joints: Array, whole: NDArray[np.bool_]) -> bool:
     """Whether the wrist's depth is something over all that joints (T, N, 3) extend to."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    n = joints.shape[1] * 3  # long rows are quick to go through
+    low, high = np.full(n, np.inf), np.full(n, -np.inf)
     for part in blocks(len(joints)):
-        low = np.fmin(low, np.fmin.reduce(joints[part], axis=(0, 1)))
-        high = np.fmax(high, np.fmax.reduce(joints[part], axis=(0, 1)))
-    return bool(np.abs(joints[whole, 0, 2]).max() >= AT_ZERO * (high - low).max())
+        rows = joints[part].reshape(-1, n)
+        low = np.fmin(low, np.fmin.reduce(rows, axis=0))
+        high = np.fmax(high, np.fmax.reduce(rows, axis=0))
+    extent = np.fmax.reduce(high.reshape(-1, 3)) - np.fmin.reduce(low.reshape(-1, 3))
+    return bool(np.abs(joints[whole, 0, 2]).max() >= AT_ZERO * extent.max())
 
 
 def flat(raw: Raw) -> Raw:

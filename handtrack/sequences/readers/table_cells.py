@@ -77,7 +77,7 @@ class Table:
         Raises:
             InputError: there is one.
         """
-        once = self._at_once()
+        once = self._at_once() if self.width <= _NARROW else None
         if once is not None and once.is_even():
             return
         mark, n = self.separator, self.width - 1

@@ -13,6 +13,8 @@ from collections.abc import Callable
 from collections.abc import Sequence as Items
 from pathlib import Path
 
+import numpy as np
+
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import ORDER_JOINTS
 from handtrack.sequences.names import words
@@ -126,8 +128,9 @@ def spread(
     return out, named
 
 
-_BRACKET = frozenset(" ()[]{}")
-_NO_NUMBERS = str.maketrans("", "", "0123456789+-.eE")
+_BLANKS = b" ()[]{}"
+_OF_NUMBERS = b"0123456789+-.eE"
+_SEP, _LINE = ord(SEPARATOR), ord("\n")
 _LITERAL_BLANKS = re.compile(r"(?:\\ |\s)+")
 _PLAIN = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
 
@@ -137,24 +140,18 @@ def _alike(
 ) -> list[str] | None:
     """The rows where all places are written as the first one is, which is fast; None where not."""
     cells = split(lines[0])
-    quick = _alike_letters(lines, cells, widths)
+    mark = _mark_of(lines[0], cells)
+    if mark is None or max(widths) >= len(cells):
+        return None
+    quick = _at_once(lines, mark, cells, widths)
     if quick is not None:
         return quick
-    templates = {_template(cells[c], width) for c, width in widths.items() if c < len(cells)}
+    templates = {_template(cells[c], width) for c, width in widths.items()}
     template = templates.pop() if len(templates) == 1 else None
     if template is None or len(set(widths.values())) > 1:
         return None
     width = next(iter(widths.values()))
-    mark = _mark_of(lines[0], cells)
-    if mark is None:
-        return None
     groups = SEPARATOR.join(rf"\{i + 1}" for i in range(width))
-    places = [cells[c] for c in widths]
-    quick = _literally(
-        lines, mark, places, re.sub(template, groups, lines[0]).replace(mark, SEPARATOR)
-    )
-    if quick is not None:
-        return quick
     text, count = re.subn(template, groups, "\n".join(lines))
     if count != len(widths) * len(lines):
         return None
@@ -163,82 +160,85 @@ def _alike(
     return rows if all(row.count(SEPARATOR) == n for row in rows) else None
 
 
-def _literally(lines: list[str], mark: str, places: list[str], first: str) -> list[str] | None:
-    """The rows where no more than the coordinates differ in the cells of places; None where other
-    than numbers would stay.
+def _at_once(
+    lines: list[str], mark: str, cells: list[str], widths: dict[int, int]
+) -> list[str] | None:
+    """The rows where all lines have the first one's letters but for numbers: what stands around
+    coordinates is exchanged in the text as a whole. None where it is otherwise.
 
     Args:
         lines: of data.
         mark: between their cells.
-        places: the first line's cells that hold one.
-        first: the first line as a row.
+        cells: the first line's.
+        widths: how many numbers the cells of places hold.
     """
-    around = [[_squeezed(part) for part in _around(place, numbers_in(place))] for place in places]
-    if any(parts != around[0] for parts in around):
+    wanted = [[cell] if c not in widths else numbers_in(cell) for c, cell in enumerate(cells)]
+    around = [_around(cells[c], wanted[c]) for c in widths]
+    between = {part.encode() for parts in around for part in parts[1:-1]}
+    outer = {part.encode() for parts in around for part in (parts[0], parts[-1])}
+    other = "".join(cell for c, cell in enumerate(cells) if c not in widths).encode()
+    text = "\n".join([*lines, ""]).encode()
+    blanks, marks = set(_BLANKS), {*mark.encode(), _SEP}
+    by_blanks = not b"".join(between).translate(None, _BLANKS)
+    letters = set(b"".join(between | outer)) | blanks
+    stop = next((x for x in letters - blanks - marks if _is_stop(x, between, outer)), None)
+    if by_blanks:
+        if other.translate(None, _BLANKS) != other or not all(b" " in part for part in between):
+            return None
+    elif stop is not None and not letters & {*_OF_NUMBERS, *other.replace(b" ", b""), *marks}:
+        marks, blanks = marks | {stop}, letters - {stop}
+    else:
+        for part in sorted(between, key=len, reverse=True):
+            text = text.replace(part, SEPARATOR.encode())
+        for part in sorted(outer, key=len, reverse=True):
+            if part.translate(None, _BLANKS):
+                text = text.replace(part, b" ")
+    form = text.translate(None, _OF_NUMBERS + (_BLANKS if by_blanks else b""))
+    if form != form[: form.index(b"\n") + 1] * len(lines):
         return None
-    before, *between, after = around[0]
-    text = _squeezed("\n".join(("", *lines, "")))
-    text = text.replace(f"{after}{mark}{before}", mark)
-    for part in dict.fromkeys(between):
-        text = text.replace(part, SEPARATOR)
-    for edge in (mark, "\n"):
-        text = text.replace(f"{edge}{before}", edge).replace(f"{after}{edge}", edge)
-    text = text.replace(mark, SEPARATOR)
-    rows = text[1:-1].split("\n")
-    form = first.translate(_NO_NUMBERS)
-    if any(row.translate(_NO_NUMBERS) != form for row in rows) or len(rows) != len(lines):
+    to = b" " * len(blanks) + SEPARATOR.encode() * len(marks)
+    text = text.translate(bytes.maketrans(bytes([*blanks, *marks]), to))
+    rows = (_by_blanks(text) if by_blanks else text).decode().split("\n")[:-1]
+    numbers = [number for some in wanted for number in some]
+    if [cell.strip() for cell in rows[0].split(SEPARATOR)] != numbers:
         return None
-    empty = (
-        f"{SEPARATOR}{SEPARATOR}" in text or f"\n{SEPARATOR}" in text or f"{SEPARATOR}\n" in text
+    return rows if _are_even(text, len(lines), by_blanks) else None
+
+
+def _is_stop(letter: int, between: set[bytes], outer: set[bytes]) -> bool:
+    """Whether a letter stands once between any two coordinates, and nowhere else."""
+    return all(part.count(letter) == 1 for part in between) and not any(
+        letter in part for part in outer
     )
-    return None if empty else rows
+
+
+def _are_even(text: bytes, n: int, by_blanks: bool) -> bool:
+    """Whether the cells of all n lines hold as many numbers as the first one's; a blank begins
+    another one, or is nothing."""
+    letters = np.frombuffer(text if by_blanks else text.translate(None, b" "), np.uint8)
+    ends = letters < ord(" ")
+    if not by_blanks and not ends[0] and not (ends[1:] & ends[:-1]).any():
+        return True  # none is empty
+    inside = letters > ord(" ")
+    begins = inside.copy()
+    begins[1:] &= ~inside[:-1]
+    said = begins[begins | ends]
+    return len(said) % n == 0 and bool((said.reshape(n, -1) == said[: len(said) // n]).all())
+
+
+def _by_blanks(text: bytes) -> bytes:
+    """Lines in which a separator stands before each number but a line's first."""
+    letters = np.frombuffer(text, np.uint8)
+    inside = (letters > ord(" ")) | (letters == _LINE)
+    before = np.append(inside[1:] & (letters[1:] != _LINE), False)
+    out: bytes = np.where(inside, letters, np.uint8(_SEP))[inside | before].tobytes()
+    return out.replace(b"\n\x1f", b"\n").removeprefix(b"\x1f")
 
 
 def _mark_of(line: str, cells: list[str]) -> str | None:
     """What separates a line's cells."""
     marks = [mark for mark in (SEPARATOR, ";", "\t", ",", "|") if mark in line]
     return next((m for m in marks if len(line.split(m)) == len(cells)), None)
-
-
-def _alike_letters(lines: list[str], cells: list[str], widths: dict[int, int]) -> list[str] | None:
-    """The rows where brackets can be blanks, and one letter stands between coordinates: all lines
-    have the first one's letters but for numbers. None where it is otherwise."""
-    mark = _mark_of(lines[0], cells)
-    if mark is None or max(widths) >= len(cells):
-        return None
-    around = {c: _around(cells[c], numbers_in(cells[c])) for c in widths}
-    between = {part for of in around.values() for part in of[1:-1]}
-    ends = {part for of in around.values() for part in (of[0], of[-1])}
-    stops = {letter for part in between for letter in part} - _BRACKET
-    if len(stops) != 1 or any(len({*part} & stops) != 1 for part in between) or mark in stops:
-        return None
-    if any(part.count(stop) != 1 for part in between for stop in stops):
-        return None
-    if any({*part} - _BRACKET for part in ends):
-        return None
-    form = lines[0].translate(_NO_NUMBERS)
-    if any(line.translate(_NO_NUMBERS) != form for line in lines):
-        return None
-    text = "\n".join(lines)
-    begins = {of[0] for of in around.values()} | between
-    if any(a + b in text for a in begins - {""} for b in ends - {""} | between):
-        return None  # a coordinate is empty
-    (stop,) = stops
-    letters = str.maketrans(dict.fromkeys(_BRACKET, " ") | {mark: SEPARATOR, stop: SEPARATOR})
-    rows = text.translate(letters).split("\n")
-    wanted = [
-        n for c, cell in enumerate(cells) for n in (numbers_in(cell) if c in widths else [cell])
-    ]
-    return rows if [cell.strip() for cell in rows[0].split(SEPARATOR)] == wanted else None
-
-
-def _squeezed(text: str) -> str:
-    """Text with one blank for several, as in NumPy's columns, and none within a bracket."""
-    while "  " in text:
-        text = text.replace("  ", " ")
-    for bracket in "([{":
-        text = text.replace(f"{bracket} ", bracket)
-    return text
 
 
 def _around(cell: str, numbers: list[str]) -> list[str]:

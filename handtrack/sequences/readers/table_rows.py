@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -106,8 +107,8 @@ def by_hand(
     raws = []
     for key in groups:
         # a line in which nothing was seen is a frame of the only hand
-        rows = [i for i, k in enumerate(keys) if k == key or (len(groups) == 1 and not seen[i])]
-        part = take_rows(raw, np.array(rows, dtype=np.int64))
+        rows = [i for i, k in enumerate(keys) if k == key] if len(groups) > 1 else None
+        part = replace(raw) if rows is None else take_rows(raw, np.array(rows, dtype=np.int64))
         side, number = key
         if side in ("left", "right"):
             part.hand = as_hand(side, raw.path)
