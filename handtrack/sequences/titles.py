@@ -6,6 +6,7 @@ Titles are told by the words of `names`, which is where a source's names are add
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -59,13 +60,22 @@ class Column:
     unit: Unit | None
 
 
+_INCHES = re.compile(r"[(\[]\s*in\s*[)\]]\s*$", re.IGNORECASE)
+
+
+def words_and_unit(title: str) -> tuple[list[str], Unit | None]:
+    """A title's words without the unit of length at their end, and it; "in" only in brackets."""
+    given = list(words(title))
+    unit = UNITS.get(given[-1]) if given else None
+    if unit is None and given and given[-1] == "in" and _INCHES.search(title):
+        unit = "in"
+    return (given, None) if unit is None else (given[:-1], unit)
+
+
 @lru_cache(KEPT)
 def column(title: str) -> Column | None:
     """A joint's coordinate or confidence, None where the title is neither."""
-    given = list(words(title))
-    unit = UNITS.get(given[-1]) if given else None
-    if unit is not None:
-        given = given[:-1]
+    given, unit = words_and_unit(title)
     axes = [i for i, w in enumerate(given) if w in AXES]
     sure = [i for i, w in enumerate(given) if w in CONFIDENCES]
     if len(axes) == 1 and not sure:

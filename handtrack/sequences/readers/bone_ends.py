@@ -3,7 +3,8 @@
     frame, timestamp, hand, finger, bone, prev_x, prev_y, prev_z, next_x, next_y, next_z
 
 Fingers and bones are told by names or numbers, thumb and metacarpal first. The thumb's metacarpal
-has no length in Leap's hand: its end is the joint at the wrist, ours 1.
+has no length in Leap's hand: its end is the joint at the wrist, ours 1. Blender's scripts name the
+bone alone, with `head_x ... tail_z`: its head is its joint, the tail of a finger's last the tip.
 """
 
 from __future__ import annotations
@@ -12,13 +13,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from handtrack.hand.skeleton import FINGERS
-from handtrack.sequences.names import AXES, FINGER, PART, UNITS, words
+from handtrack.hand.skeleton import FINGERS, Hand
+from handtrack.sequences.names import AXES, FINGER, PART, joint_name, words
 from handtrack.sequences.readers.table_cells import Table
 from handtrack.sequences.readers.table_places import SEPARATOR
+from handtrack.sequences.titles import words_and_unit
 
-_BEGIN, _END = {"prev", "previous", "start", "begin"}, {"next", "end"}
+_BEGIN, _END = {"prev", "previous", "start", "begin", "head"}, {"next", "end", "tail"}
 _ABOUT = {"joint", "bone", "position", "pos", "point"}
+_FEWEST_TIPS = 4
 _COUNTED = {"name", "type", "id", "index", "idx", "number", "no"}
 _BONES = ("metacarpal", "proximal", "intermediate", "distal")
 _ENDS = ("proximal", "intermediate", "distal", "tip")
@@ -31,9 +34,11 @@ def ends_as_joints(table: Table) -> tuple[Table, str] | None:
     begin, unit = _end_columns(titles, _BEGIN)
     end, _ = _end_columns(titles, _END)
     finger, bone = (_counted(titles, name) for name in ("finger", "bone"))
-    if len(begin) < 3 or len(end) < 3 or finger is None or bone is None or not table.lines:
+    if len(begin) < 3 or len(end) < 3 or bone is None or not table.lines:
         return None
     table.check_width()
+    if finger is None:
+        return _of_named_bones(table, begin, end, bone, unit)
     fingers = _fingers(table.texts(finger))
     bones = _bones(table.texts(bone))
     if fingers is None or bones is None:
@@ -63,14 +68,45 @@ def ends_as_joints(table: Table) -> tuple[Table, str] | None:
     return replace(table, lines=lines, places=places, separator=SEPARATOR, titles=named), note
 
 
+def _of_named_bones(
+    table: Table, begin: list[int], end: list[int], bone: int, unit: str
+) -> tuple[Table, str] | None:
+    """The same of bones that their names tell apart; None where these are none of fingers."""
+    titles = table.titles or []
+    texts = table.texts(bone)
+    said = {text: joint_name(words(text)) for text in dict.fromkeys(texts)}
+    last: dict[tuple[Hand | None, int], tuple[int, str]] = {}
+    for text, joint in said.items():
+        place = None if joint is None else joint.number if joint.part is None else joint.part
+        if joint is not None and joint.finger is not None and place is not None:
+            key = (joint.hand, joint.finger)
+            last[key] = max(last.get(key, (-1, "")), (place, text))
+    tips = {
+        text: " ".join((hand or "", FINGERS[finger], "tip")).strip()
+        for (hand, finger), (_, text) in last.items()
+    }
+    if len(tips) < _FEWEST_TIPS:
+        return None
+    others = [c for c in range(len(titles)) if c not in {*begin, *end, bone}]
+    lines, places = [], []
+    for row, text in enumerate(texts):
+        cells = table.cells(row)
+        joints = [(text, begin)] + ([(tips[text], end)] if text in tips else [])
+        for name, columns in joints:
+            about = [cells[c] for c in others]
+            lines.append(SEPARATOR.join([*about, name, *(cells[c] for c in columns)]))
+            places.append(table.places[row])
+    named = [*(titles[c] for c in others), "joint", *(f"{axis} {unit}".strip() for axis in "xyz")]
+    return replace(table, lines=lines, places=places, separator=SEPARATOR, titles=named), ""
+
+
 def _end_columns(titles: list[str], which: set[str]) -> tuple[list[int], str]:
     """The columns of x, y and z of the bones' beginnings or ends, and their unit."""
     found: dict[int, int] = {}
     unit = ""
     for c, title in enumerate(titles):
-        given = list(words(title))
-        if given and given[-1] in UNITS:
-            unit = UNITS[given.pop()]
+        given, own = words_and_unit(title)
+        unit = own or unit
         axes = [w for w in given if w in AXES]
         rest = {w for w in given if w not in AXES}
         if len(axes) == 1 and rest & which and rest <= which | _ABOUT:

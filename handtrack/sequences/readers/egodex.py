@@ -21,8 +21,8 @@ from handtrack.hand.skeleton import HANDS, JOINT_NAMES, N_JOINTS, Hand
 from handtrack.sequences.names import UNUSED, joint_name, words
 from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.hdf5_file import (
-    HDF5_MAGIC,
     dataset,
+    is_hdf5,
     member,
     names_in,
     numbers,
@@ -130,8 +130,8 @@ FORMATS = (
         "both",
         "file magic, `transforms`",
         "extra `formats`",
-        ways=(Way("file", lambda head, path: head.startswith(HDF5_MAGIC), read_hdf5),),
-        suffixes=(".hdf5", ".h5"),
+        ways=(Way("file", is_hdf5, read_hdf5),),
+        suffixes=(".hdf5", ".h5", ".mat"),
         hdf5=read,
     ),
 )

@@ -22,7 +22,7 @@ from handtrack.hand.skeleton import N_JOINTS
 from handtrack.hand.units import METRES, Unit
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import UNUSED, as_side, joint_name, words
-from handtrack.sequences.readers.axis_lists import column_keys, with_joints
+from handtrack.sequences.readers.axis_lists import axis_keys, column_keys, with_joints
 from handtrack.sequences.readers.joint_frames import as_frames, frames_and_sure
 from handtrack.sequences.readers.jsontext import nested_numbers, numbers
 from handtrack.sequences.readers.raw import (
@@ -206,11 +206,18 @@ def names_joints(key: str) -> bool:
 
 def joint_columns(fields: Mapping[str, Any]) -> dict[str, int]:
     """Which joint each name is, where names are of joints with a column of places each."""
-    said = {k: joint_name(words(k)) for k, v in fields.items() if isinstance(v, list | np.ndarray)}
+    said = {k: joint_name(words(k)) for k, v in fields.items() if _may_be_column(v)}
     known = {k: s for k, s in said.items() if s is not None and s.number is None}
     joints = dict(zip(known, settle(known.values()), strict=True))
     found = {k: j for k, j in joints.items() if j is not None and j != UNUSED}
     return found if len(found) >= _FEWEST else {}
+
+
+def _may_be_column(value: Any) -> bool:
+    """Whether it may be one joint's places: a list of them, or lists of its x, y and z."""
+    return isinstance(value, list | np.ndarray) or (
+        isinstance(value, dict) and axis_keys(value) is not None
+    )
 
 
 def _with_columns(fields: Mapping[str, Any], path: Path) -> Mapping[str, Any]:
@@ -226,7 +233,7 @@ def _with_columns(fields: Mapping[str, Any], path: Path) -> Mapping[str, Any]:
     columns = joint_columns(inside)
     if not columns:
         return fields
-    arrays = {name: nested_numbers(inside[name], path, name) for name in columns}
+    arrays = {name: _column(inside[name], path, name) for name in columns}
     n = len(next(iter(arrays.values())))
     joints = np.full((n, N_JOINTS, 3), np.nan)
     for name, joint in columns.items():
@@ -235,6 +242,17 @@ def _with_columns(fields: Mapping[str, Any], path: Path) -> Mapping[str, Any]:
         joints[:, joint] = arrays[name]
     rest = {k: v for k, v in fields.items() if k != key and k not in columns}
     return rest | {key or "joints": joints}
+
+
+def _column(value: Any, path: Path, name: str) -> Array:
+    """(T, 3) places of one joint."""
+    keys = axis_keys(value) if isinstance(value, dict) else None
+    if keys is None:
+        return nested_numbers(value, path, name)
+    axes = [nested_numbers(value[k], path, f"{name}.{k}") for k in keys]
+    if len({a.shape for a in axes}) > 1:
+        raise InputError(f"{name}: {', '.join(keys)} are of different length", path)
+    return np.stack(axes, axis=-1)
 
 
 def _truth(

@@ -14,11 +14,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from handtrack.errors import InputError, shown
 from handtrack.files import budget
+from handtrack.hand.skeleton import N_JOINTS
 from handtrack.sequences.readers import visionpro
 from handtrack.sequences.readers.both_hands import by_frame, of_sides, two_hands
-from handtrack.sequences.readers.fields import from_fields
+from handtrack.sequences.readers.fields import RATES, UNIT_KEYS, from_fields
 from handtrack.sequences.readers.hdf5_file import dataset, member, names_in, numbers
 from handtrack.sequences.readers.raw import Raw
 from handtrack.sequences.titles import is_hand_label, joints_key, of_side, time_unit
@@ -160,6 +163,7 @@ def _too_long(told: int, name: str, path: Path) -> InputError:
 
 
 _DEEPEST = 3
+_FEWEST_FRAMES = 3
 
 
 def read(file: Any, path: Path) -> list[Raw] | None:
@@ -169,6 +173,7 @@ def read(file: Any, path: Path) -> list[Raw] | None:
         InputError: an array that does not fit.
     """
     found: list[tuple[str, list[Raw]]] = []
+    stacked: set[str] = set()
     for group in _groups(file, path, 0):
         names = names_in(group, path)
         streams = visionpro.arrays(names)
@@ -182,9 +187,14 @@ def read(file: Any, path: Path) -> list[Raw] | None:
                 },
                 path,
             )
-        if not any(joints_key(name) for name in names):
+        if group.parent.name in stacked:
             continue
-        fields = _fields(group, path)
+        frames = _frames_in(group, path)
+        if frames:
+            stacked.add(group.name)
+        elif not any(joints_key(name) for name in names):
+            continue
+        fields = _fields(group, path) | frames
         side = next((s for n in reversed(group.name.split("/")) if (s := of_side(n)[0])), None)
         if side is not None and not any(is_hand_label(name) for name in fields):
             fields["hand"] = side
@@ -211,7 +221,49 @@ def _fields(group: Any, path: Path) -> dict[str, Any]:
         if value is None:
             continue
         fields[name] = value.item() if getattr(value, "ndim", 1) == 0 else value
+        if joints_key(name) is not None:  # what joints say of themselves
+            own = {k.lower(): k for k in data.attrs}
+            for key in (*UNIT_KEYS, *RATES, "order"):
+                if key in own and key not in fields:
+                    fields[key] = _attribute(data, own[key], path)
     return fields
+
+
+def _attribute(data: Any, name: str, path: Path) -> Any:
+    """A text or a number that an object says of itself; None of anything else."""
+    kind = data.attrs.get_id(name).dtype.kind
+    if kind in "OS":
+        return said(data, name, path) or None
+    value = np.ravel(data.attrs[name]) if kind in "iuf" else np.empty(0)
+    return value[0].item() if value.size == 1 else None
+
+
+_NUMBERED = re.compile(r"(.*?)(\d{1,12})")
+_ONE_FRAME = ((N_JOINTS, 3), (3 * N_JOINTS,))
+
+
+def _frames_in(group: Any, path: Path) -> dict[str, Any]:
+    """The joints of groups that are a frame each, by their numbers; nothing of other groups."""
+    names = names_in(group, path)
+    numbered = [m for m in map(_NUMBERED.fullmatch, names) if m is not None]
+    if len(numbered) < _FEWEST_FRAMES or len({m[1] for m in numbered}) > 1:
+        return {}
+    frames = {int(m[2]): member(group, m[0], path) for m in numbered}
+    first = frames[min(frames)]
+    keys = [k for k in names_in(first, path) if joints_key(k)] if hasattr(first, "keys") else []
+    fields: dict[str, Any] = {}
+    for key in keys:
+        rows = np.full((len(frames), 3 * N_JOINTS), np.nan)
+        for row, n in enumerate(sorted(frames)):
+            own = frames[n]
+            data = dataset(own, key, path) if hasattr(own, "keys") else None
+            if data is None:
+                continue
+            if data.shape not in _ONE_FRAME:
+                return {}
+            rows[row] = numbers(data, key, path).ravel()
+        fields[key] = rows
+    return {**fields, "frame": np.array(sorted(frames))} if fields else {}
 
 
 def _values(data: Any, name: str, path: Path) -> Any:

@@ -25,6 +25,22 @@ _BLOCK = 8 * budget.MB
 _SEARCHED = 256 * budget.MB
 
 
+_MATLAB, _MATLABS_HDF5 = b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file"
+
+
+def is_hdf5(head: bytes, path: Path) -> bool:
+    """Whether a file that begins so is HDF5, as MATLAB's newer .mat is.
+
+    Raises:
+        InputError: it is MATLAB's older .mat, which is not read.
+    """
+    if head.startswith(_MATLAB):
+        raise InputError(
+            "MATLAB's .mat of before 7.3 is not read: save it anew with save(..., '-v7.3')", path
+        )
+    return head.startswith((HDF5_MAGIC, _MATLABS_HDF5))
+
+
 @contextmanager
 def opened(path: Path) -> Iterator[Any]:
     """An HDF5 file as h5py gives it.

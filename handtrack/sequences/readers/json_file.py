@@ -50,7 +50,7 @@ from handtrack.sequences.readers.record_places import Places
 from handtrack.sequences.readers.records import read_records
 from handtrack.sequences.readers.spelling import ABOUT, LISTS, in_small_letters
 from handtrack.sequences.readers.text_places import with_places
-from handtrack.sequences.readers.whole_clips import as_clip, is_clip
+from handtrack.sequences.readers.whole_clips import as_clip, is_clip, unwrapped
 
 _LARGE = 1_000_000
 
@@ -274,7 +274,7 @@ def _listed(values: list[Any], path: Path, about: dict[str, Any] | None = None) 
 def _object(value: dict[str, Any], path: Path) -> list[Raw]:
     if len(value) > MOST_NAMES:
         raise NotJointsError(f"an object of {len(value)} names is of no hands", path)
-    value = as_clip(_with_what_it_says(_with_frames_above(value)))
+    value = as_clip(_with_what_it_says(unwrapped(_with_frames_above(value), path)))
     # a frame has no more than a few hands: a longer list is of frames
     long = [k for k in CONTAINERS if isinstance(value.get(k), list) and len(value[k]) > MOST_HANDS]
     for key in (*LISTS, *long):

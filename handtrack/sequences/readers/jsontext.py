@@ -96,6 +96,7 @@ def _place(message: str, data: bytes, first_line: int) -> str:
 _QUOTES = bytes.maketrans(b"()'", b'[]"')
 _PRINTED = re.compile(rb"\[?\s*(?:[\[({]\s*)*(?:['(]|landmark\s*\{|np\.)")
 _NUMPYS = re.compile(rb"(?:np\.|numpy\.)?(?:float|int)\d+\(([^()]*)\)")
+_ARRAY = re.compile(rb"\s*\[\s*(?:\[\s*)+-?(?:\d[\d.e+-]*|nan)\s+(?:-?[\d.]|nan)")
 _WORDS = {b"None": b"null", b"nan": b"null", b"True": b"true", b"False": b"false"}
 _LANDMARK = re.compile(rb"landmark\s*\{([^{}]*)\}")
 _PLACE = re.compile(rb"x:\s*(\S+)\s+y:\s*(\S+)\s+z:\s*(\S+)")
@@ -103,8 +104,10 @@ _HAND = 21
 
 
 def of_python(data: bytes) -> bytes:
-    """JSON of what Python prints: tuples, names in single quotes, None; and MediaPipe's
-    `landmark { x: ... }`. Anything else as it is."""
+    """JSON of what Python prints: tuples, names in single quotes, None, arrays of NumPy; and
+    MediaPipe's `landmark { x: ... }`. Anything else as it is."""
+    if _ARRAY.match(data[:200]):
+        return _arrays(data)
     if not _PRINTED.match(data.removeprefix(b"\xef\xbb\xbf")[:200]):
         return data
     if b'"' in data:
@@ -114,6 +117,16 @@ def of_python(data: bytes) -> bytes:
     data = _NUMPYS.sub(rb"\1", data) if b"(" in data else data
     data = data.translate(_QUOTES)
     return re.sub(rb"\b(?:None|nan|True|False)\b", lambda m: _WORDS[m[0]], data)
+
+
+def _arrays(data: bytes) -> bytes:
+    """A list of the arrays that stand one behind the other, as NumPy prints them."""
+    if b"," in data or b"..." in data:
+        return data
+    data = re.sub(rb"(?<=[\w.])\s+(?=[-\w.])", b",", data)
+    data = re.sub(rb"\]\s*\[", b"],[", data)
+    data = re.sub(rb"(?<=\d)\.(?=[],\seE])", b".0", data)
+    return b"[" + re.sub(rb"\bnan\b", b"null", data.strip()) + b"]"
 
 
 def _landmarks(data: bytes) -> bytes:

@@ -18,7 +18,6 @@ from handtrack.sequences.names import (
     FRAME_NUMBER,
     JOINTS,
     NOISE,
-    UNITS,
     UNUSED,
     JointName,
     as_side,
@@ -30,7 +29,14 @@ from handtrack.sequences.readers.table_cells import Table
 from handtrack.sequences.readers.table_columns import first_number
 from handtrack.sequences.settled import settle
 from handtrack.sequences.short_names import spelt_out
-from handtrack.sequences.titles import Column, column, is_confidence, may_be_hand_label, nearest
+from handtrack.sequences.titles import (
+    Column,
+    column,
+    is_confidence,
+    may_be_hand_label,
+    nearest,
+    words_and_unit,
+)
 
 _OF_JOINTS = {
     *("joint", "joints", "landmark", "landmarks", "keypoint", "keypoints", "kp", "kpt", "lm"),
@@ -138,9 +144,7 @@ def _axes(titles: list[str]) -> tuple[list[int], Unit | None]:
     sets: dict[tuple[str, ...], dict[int, int]] = {}
     units: dict[tuple[str, ...], Unit | None] = {}
     for c, title in enumerate(titles):
-        given = list(words(title))
-        unit = UNITS.get(given[-1]) if len(given) > 1 else None
-        given = given[:-1] if unit is not None else given
+        given, unit = words_and_unit(title)
         axis = [w for w in given if w in AXES]
         rest = tuple(w for w in given if w not in AXES)
         if len(axis) == 1 and set(rest) <= NOISE | JOINTS | ABOUT_JOINTS | _VALUE:

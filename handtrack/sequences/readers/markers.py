@@ -80,7 +80,7 @@ class Markers:
         return replace(
             raw,
             joints=places,
-            hand=hand,
+            hand=hand or raw.hand,
             order="handtrack",
             pending=None,
             notes=tuple(notes),

@@ -8,7 +8,9 @@ from typing import Any
 from handtrack.sequences.readers.found import hands_in
 from handtrack.sequences.readers.points import are_points
 
-_NUMBER = re.compile(r"(?i)((?:frame|f|image|img|t)?[_ ]?)(\d{1,12})")
+_NUMBER = re.compile(
+    r"(?i)((?:frame|f|image|img|t)?[_ ]?)(\d{1,12})(?:\.(?:jpe?g|png|bmp|tiff?|webp))?"
+)
 
 
 def by_number(value: dict[str, Any]) -> list[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,7 +20,6 @@ from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.fields import from_fields
 from handtrack.sequences.readers.joint_frames import as_frames, frames_and_sure
 from handtrack.sequences.readers.json_file import flat_too
-from handtrack.sequences.readers.numbered_frames import by_number
 from handtrack.sequences.readers.raw import Raw, stem
 from handtrack.sequences.titles import joints_key
 
@@ -79,6 +79,7 @@ def _of_64(array: NDArray[Any], path: Path) -> list[Raw]:
     return two_hands(raw)
 
 
+_NUMBERED = re.compile(r"(.*?)(\d{1,12})")
 _COUNTED = 1e7
 """Whole numbers below it count frames."""
 
@@ -103,11 +104,16 @@ def _one_a_frame(fields: dict[str, Any]) -> dict[str, Any]:
     """With the arrays of a frame each, under its number, as one; else as they are."""
     if not all(isinstance(v, np.ndarray) and v.shape == (N_JOINTS, 3) for v in fields.values()):
         return fields
-    frames = by_number({name: array.tolist() for name, array in fields.items()})
-    if not frames:
+    numbers = [_NUMBERED.fullmatch(name) for name in fields]
+    if len(fields) < 2 or len({None if m is None else m[1] for m in numbers}) > 1:
         return fields
-    joints = np.array([frame["joints"] for frame in frames])
-    return {"frame": np.array([frame["frame"] for frame in frames]), "joints": joints}
+    frames = {int(m[2]): fields[m[0]] for m in numbers if m is not None}
+    if len(frames) < len(fields):
+        return fields
+    return {
+        "frame": np.array(sorted(frames)),
+        "joints": np.stack([frames[n] for n in sorted(frames)]),
+    }
 
 
 def _named(fields: dict[str, Any], path: Path) -> list[Raw]:

@@ -88,7 +88,8 @@ def holds_files(path: Path) -> bool:
 
 
 def _members(path: Path) -> list[zipfile.ZipInfo]:
-    """The files in a .zip; none of an .npz, of what is damaged and of any other file."""
+    """The files in a .zip; none of an .npz, which its name tells from a folder of .npy, of what is
+    damaged and of any other file."""
     if not path.is_file():
         return []  # a pipe would wait for its writer
     try:
@@ -100,7 +101,8 @@ def _members(path: Path) -> list[zipfile.ZipInfo]:
                 infos = [i for i in archive.infolist() if _is_content(i)]
     except (*npz.DAMAGED, OSError):
         return []  # said where its arrays are looked for
-    return [] if any(i.filename.endswith(".npy") for i in infos) else infos
+    arrays = any(i.filename.endswith(".npy") for i in infos)
+    return [] if arrays and path.suffix.lower() != ".zip" else infos
 
 
 @contextmanager

@@ -275,10 +275,15 @@ def _is_finger(value: Any) -> bool:
 def _is_point(value: dict[str, Any]) -> bool:
     if "x" in value and "y" in value and "z" in value:
         return not isinstance(value["x"], list)
-    if not _HOLDERS.isdisjoint(value):
-        return True
+    if not _HOLDERS.isdisjoint(value):  # a frame may have all its joints under such a name
+        return not all(_are_many(value[k]) for k in _HOLDERS & value.keys())
     axes = next((keys for keys in AXES if all(k in value for k in keys)), None)
     return axes is not None and not isinstance(value[axes[0]], list)
+
+
+def _are_many(value: Any) -> bool:
+    """Whether there are as many places or more as a hand has joints."""
+    return isinstance(value, list) and len(value) >= min(COUNTS) and are_points(value)
 
 
 def _looks_placed(point: Any) -> bool:

@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
+from handtrack.hand.units import Unit
 from handtrack.sequences.readers.columns_at_once import LARGE, MISSING, AtOnce, Coded
 from handtrack.sequences.readers.label_cells import as_table
 from handtrack.sequences.readers.raw import Array
+from handtrack.sequences.readers.spelt_numbers import plain_numbers
 from handtrack.sequences.readers.table_lines import lines_of, unquoted, without_last, without_titles
 from handtrack.sequences.readers.table_places import (
     NORMALISED,
@@ -48,6 +50,7 @@ class Table:
         normalised: whether its places are called normalised landmarks, as MediaPipe does.
         remarks: lines of comment above it.
         again: rows before which the titles stand again, as where files were joined.
+        unit: of length, that its cells state behind each number.
     """
 
     lines: list[str]
@@ -59,6 +62,7 @@ class Table:
     normalised: bool = False
     remarks: list[str] = field(default_factory=list)
     again: list[int] = field(default_factory=list)
+    unit: Unit | None = None
     _all: list[str] | None = field(default=None, init=False, repr=False)
     _once: AtOnce | None = field(default=None, init=False, repr=False)
 
@@ -208,6 +212,7 @@ def read_cells(data: bytes, path: Path) -> Table:
     if separator is not None and quoted:
         lines = unquoted(lines, separator, places, path)
         separator = SEPARATOR
+    lines, unit = plain_numbers(lines, separator, path)
     n_titles = _title_lines(lines, separator)
     titles = [_cells(line, separator) for line in lines[:n_titles]]
     body, places, again = without_titles(lines[n_titles:], places[n_titles:], lines[:n_titles])
@@ -227,7 +232,7 @@ def read_cells(data: bytes, path: Path) -> Table:
     apart = spread(body, places, lambda line: _cells(line, separator), joined, path)
     if apart is not None:
         (body, joined), separator = apart, SEPARATOR
-    table = Table(body, places, separator, joined, [], path, normalised, remarks, again)
+    table = Table(body, places, separator, joined, [], path, normalised, remarks, again, unit)
     table.first = table.cells(0) if body else []
     return table
 

@@ -6,7 +6,9 @@ import re
 from collections.abc import Iterable
 from dataclasses import replace
 
+from handtrack.errors import InputError
 from handtrack.hand.skeleton import ORDERS
+from handtrack.hand.units import Unit
 from handtrack.sequences.names import UNITS, as_side
 from handtrack.sequences.readers.raw import Raw
 
@@ -46,6 +48,18 @@ def remarked(raws: list[Raw], remarks: list[str]) -> list[Raw]:
         note = f"a remark in the file says: {', '.join(used)}"
         out.append(replace(raw, notes=(*raw.notes, note)) if used else raw)
     return out
+
+
+def stated(raws: list[Raw], unit: Unit) -> list[Raw]:
+    """The hands of a table whose cells state their unit.
+
+    Raises:
+        InputError: its titles state another one.
+    """
+    for raw in raws:
+        if raw.unit is not None and raw.unit != unit:
+            raise InputError(f"its titles are in {raw.unit}, its cells in {unit}", raw.path)
+    return [raw if raw.picture else replace(raw, unit=unit) for raw in raws]
 
 
 def _said(remarks: list[str]) -> Iterable[tuple[str, str]]:

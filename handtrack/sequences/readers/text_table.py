@@ -40,7 +40,7 @@ from handtrack.sequences.readers.raw import (
 )
 from handtrack.sequences.readers.table_cells import Table, read_cells
 from handtrack.sequences.readers.table_columns import HandColumns, read_columns
-from handtrack.sequences.readers.table_remarks import remarked
+from handtrack.sequences.readers.table_remarks import remarked, stated
 from handtrack.sequences.readers.table_rows import by_hand, exported, label_column, stamps_in
 from handtrack.sequences.short_names import spelt_out
 from handtrack.sequences.titles import column
@@ -63,7 +63,10 @@ def read_table(data: bytes, path: Path) -> list[Raw]:
             looks like a joint, a hand or a time and is not understood.
     """
     table = read_cells(data, path)
-    raws = remarked(read_made(table, path), table.remarks)
+    raws = read_made(table, path)
+    if table.unit is not None:
+        raws = stated(raws, table.unit)
+    raws = remarked(raws, table.remarks)
     if table.again:
         places = ", ".join(str(table.places[row] - 1) for row in table.again[:3])
         note = f"the titles stand again in line {places}: files that were joined"

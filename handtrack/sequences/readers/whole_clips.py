@@ -11,9 +11,10 @@ from handtrack.sequences.readers.fields import RATES
 from handtrack.sequences.readers.found import CONTAINERS, MOST_HANDS
 from handtrack.sequences.readers.hands_or_frames import are_frames
 from handtrack.sequences.readers.points import are_points, has_names
-from handtrack.sequences.readers.spelling import LISTS
+from handtrack.sequences.readers.spelling import ABOUT, LISTS
 from handtrack.sequences.titles import is_hand_label, joints_key, side_key, time_unit
 
+_DEEPEST = 3
 _OF_HANDS = {"landmarks", "multi", "world", "hands"}
 
 
@@ -32,6 +33,32 @@ def as_clip(value: dict[str, Any]) -> dict[str, Any]:
         if _is_list_of_frames(value.get(key)) and not any(map(has_names, value[key])):
             return {**{k: v for k, v in value.items() if k != key}, "joints": value[key]}
     return value
+
+
+def unwrapped(value: dict[str, Any], path: Path, depth: int = 0) -> dict[str, Any]:
+    """The same with a clip that stands whole under a name of no meaning of its own
+    (`{"data": {"fps": 30, "joints": [...]}}`) where its own names are."""
+    inner = [(k, v) for k, v in value.items() if isinstance(v, dict) and k not in ABOUT]
+    if len(inner) != 1 or depth == _DEEPEST:
+        return value
+    key, clip = inner[0]
+    lists = any(isinstance(v, list) for v in value.values())
+    if lists or joints_key(key) is not None or side_key(key) is not None:
+        return value
+    clip = unwrapped(clip, path, depth + 1)
+    if not _holds_all_frames(clip, path):
+        return value
+    return {k: v for k, v in value.items() if k != key} | clip
+
+
+def _holds_all_frames(clip: dict[str, Any], path: Path) -> bool:
+    """Whether lists of frames stand under an object's names of joints or of hands."""
+    several = [
+        v
+        for k, v in clip.items()
+        if (joints_key(k) is not None or side_key(k) is not None) and _is_list_of_frames(v)
+    ]
+    return any(len(v) > MOST_HANDS for v in several) or is_clip(clip, path)
 
 
 def is_clip(value: dict[str, Any], path: Path) -> bool:
