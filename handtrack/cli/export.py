@@ -64,7 +64,8 @@ def export(
     empty, .parquet holds null, .npz NaN, and .bvh and .glb hold the last pose.
 
     .urdf, and .xml or .mjcf for MuJoCo, are the hand as a robot: links, hinges with limits,
-    capsules and masses, with NAME_meshes/ and NAME_joints.csv, the angles [rad] by time.
+    capsules and masses, with NAME_meshes/ and NAME_joints.csv, the angles [rad] by time; of
+    NAME.xml these are NAME_xml_meshes/ and NAME_xml_joints.csv.
 
     Recordings do not hold licensed skins: --mano or --gltf brings that of the model that was
     tracked into a .glb; without it bones are drawn.

@@ -39,7 +39,14 @@ def check_base(base: str) -> None:
 
 def moves_file(path: Path) -> Path:
     """Where the motion of a robot's joints is, beside its document."""
-    return path.with_name(f"{path.stem}_joints.csv")
+    return path.with_name(f"{_beside(path)}_joints.csv")
+
+
+def _beside(path: Path) -> str:
+    """What the files beside a document begin with: each document has its own, as hand.urdf and
+    hand.xml may be of other bases and hands."""
+    kind = path.suffix.lower()
+    return path.stem if kind == ".urdf" else f"{path.stem}_{kind.removeprefix('.')}"
 
 
 def write_robot(
@@ -47,7 +54,8 @@ def write_robot(
 ) -> list[str]:
     """Write a hand as URDF, or MJCF where the path does not end in .urdf.
 
-    Beside it come `NAME_meshes/LINK.stl`, of a hand with a skin, and `NAME_joints.csv`: a row for
+    Beside it come `NAME_meshes/LINK.stl`, of a hand with a skin, and `NAME_joints.csv` (of MJCF
+    `NAME_xml_meshes` and `NAME_xml_joints.csv`, by its ending): a row for
     each frame with `time_s`, with a base other than the wrist the wrist's pose in it (`x`, `y`,
     `z` [m], `qw` ... `qz`), and an angle [rad] for each hinge by its name; empty where the hand
     is lost.
@@ -71,7 +79,7 @@ def write_robot(
     check_base(base)
     model = track.model
     body = links(model)
-    folder = path.with_name(f"{path.stem}_meshes")
+    folder = path.with_name(f"{_beside(path)}_meshes")
     meshes = _write_meshes(body, folder)
     name = f"handtrack_{model.hand}"
     if path.suffix.lower() == ".urdf":

@@ -127,7 +127,8 @@ def test_the_wrist_floats_in_a_named_frame(mujoco: Any, ending: str, tmp_path: P
     (file,) = ht.export(track, tmp_path / f"hand{ending}", base="world")
     model = mujoco.MjModel.from_xml_path(str(file.path))
     data = mujoco.MjData(model)
-    with (tmp_path / "hand_joints.csv").open() as text:
+    moves = {".urdf": "hand_joints.csv", ".xml": "hand_xml_joints.csv"}[ending]
+    with (tmp_path / moves).open() as text:
         rows = list(csv.DictReader(text))
     assert len(rows) == len(track)
     lost = np.isnan(track.angles).any(1)
@@ -234,6 +235,19 @@ def test_command_line_and_names(tmp_path: Path, capsys: pytest.CaptureFixture[st
         with pytest.raises(SettingsError, match="expected wrist or the name of the frame"):
             ht.export(make_track(5), tmp_path / "y.urdf", base=base)
     assert not list(tmp_path.glob("y*"))
+
+
+def test_documents_of_one_name_keep_their_own_files(tmp_path: Path) -> None:
+    for hand, ending, base in (("right", "urdf", "wrist"), ("left", "xml", "world")):
+        ht.export(make_track(5, hand), tmp_path / f"hand.{ending}", base=base)
+    first = (tmp_path / "hand_joints.csv").read_text().splitlines()
+    second = (tmp_path / "hand_xml_joints.csv").read_text().splitlines()
+    assert "qw" not in first[0]
+    assert "qw" in second[0]
+    skins = [tmp_path / f"hand{kind}_meshes" / "wrist.stl" for kind in ("", "_xml")]
+    assert skins[0].read_bytes() != skins[1].read_bytes()
+    for ending, folder in (("urdf", "hand_meshes"), ("xml", "hand_xml_meshes")):
+        assert f"{folder}" in (tmp_path / f"hand.{ending}").read_text()
 
 
 def test_quaternions_are_the_wrist_in_the_named_frame(tmp_path: Path) -> None:
