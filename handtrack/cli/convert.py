@@ -85,7 +85,7 @@ def convert(
     check_place(output / "x" if folder else output)
     made: list[Converted] = []
     with compiling_said(quiet or as_json):
-        for source, found in _found(input, reading, quiet or as_json, folder):
+        for source, found in _found(input, reading, quiet or as_json, folder, name):
             target = output / f"{source.stem}{TARGETS[name].ending}" if folder else output
             refuse_existing(files_of(found, target, name), "another name keeps what is there")
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -127,7 +127,7 @@ def _convert(
 
 
 def _found(
-    input: Path, reading: Reading, quiet: bool, folder: bool
+    input: Path, reading: Reading, quiet: bool, folder: bool, to: str
 ) -> list[tuple[Path, Sequence[Any]]]:
     """What is to be converted, by file.
 
@@ -143,11 +143,29 @@ def _found(
             tracks = [t for t in tracks if t.hand == reading.hand]
         return [(input, tracks)]
     by_file: dict[str, list[Any]] = {}
-    for sequence in reading.load(input, quiet):
+    for sequence in _loaded(input, reading, quiet, to):
         by_file.setdefault(sequence.source, []).append(sequence)
     if len(by_file) > 1 and not folder:
         raise InputError(f"holds {len(by_file)} files: they need a folder to go to", input)
     return [(Path(source), found) for source, found in by_file.items()]
+
+
+def _loaded(input: Path, reading: Reading, quiet: bool, to: str) -> list[Any]:
+    """The sequences; a profile may be of what is written alone."""
+    from handtrack.files.pictures import pictures_in
+    from handtrack.sequences.readers.companions import NotTakenError
+
+    without = reading._replace(profile=None)
+    if to != "umetrack" or reading.profile is None:
+        return reading.load(input, quiet)
+    if pictures_in(input) is not None:
+        return without.load(input, quiet)
+    try:
+        return reading.load(input, quiet)
+    except NotTakenError as error:
+        if error.companion != "profile":
+            raise
+        return without.load(input, quiet)
 
 
 def _say(source: Path, hand: Converted) -> None:

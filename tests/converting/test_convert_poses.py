@@ -200,3 +200,21 @@ def test_one_hand_of_a_kind_in_formats_of_a_left_and_a_right(tmp_path: Path) -> 
     for name in ("x.hdf5", "x.jsonl"):
         with pytest.raises(SettingsError, match="one left and one right"):
             ht.convert(two, tmp_path / name)
+
+
+def test_a_profile_of_what_is_written_is_asked_of_no_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An input that takes no profile was refused for it, so nothing became UmeTrack's."""
+    path = profile_file(tmp_path / "profile.json")
+    s = moving("left", 5)
+    np.savez(tmp_path / "a.npz", joints_m=s.joints, time_ns=s.time_ns, hand="left")
+    call = ["convert", str(tmp_path / "a.npz"), str(tmp_path / "x.jsonl"), "--to", "umetrack"]
+    assert run([*call, "--profile", str(path), "--json"]) == 0
+    (told,) = json.loads(capsys.readouterr().out)["files"]
+    assert told["loss"]["max_mm"] < 0.2
+    assert (
+        run(["convert", str(tmp_path / "a.npz"), str(tmp_path / "y.npz"), "--profile", str(path)])
+        == 2
+    )
+    assert "nothing in it takes --profile" in capsys.readouterr().err

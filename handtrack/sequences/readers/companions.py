@@ -25,6 +25,18 @@ class Companions:
     markers: Path | None = None
 
 
+class NotTakenError(SettingsError):
+    """A companion was named that nothing of a source takes.
+
+    Attributes:
+        companion: a field of `Companions`.
+    """
+
+    def __init__(self, companion: str, path: Path) -> None:
+        super().__init__(f"{path}: nothing in it takes --{companion}")
+        self.companion = companion
+
+
 class Pending(Protocol):
     """What a reader found that makes joints only together with a companion."""
 
@@ -56,9 +68,9 @@ def check_taken(pending: list[Pending], companions: Companions, path: Path) -> N
     """Refuse a companion that nothing of a source takes.
 
     Raises:
-        SettingsError: there is one.
+        NotTakenError: there is one.
     """
     taken = {one.takes for one in pending}
     for field in fields(companions):
         if getattr(companions, field.name) is not None and field.name not in taken:
-            raise SettingsError(f"{path}: nothing in it takes --{field.name}")
+            raise NotTakenError(field.name, path)
