@@ -95,7 +95,7 @@ def load_cameras(path: str | Path, unit: str | None = None) -> list[Camera]:
     - YAML and XML as OpenCV's FileStorage writes them, and .npz: `camera_matrix` or `K`,
       `distortion_coefficients` or `D`, `R` and `T`, `image_width` and `image_height` of one
       camera a file; or `K1`, `D1`, `K2`, `D2`, `R`, `T` of a stereo pair; in .npz also stacks
-      of cameras, `K` (C, 3, 3) and so on;
+      of cameras, `K` (C, 3, 3) and so on; one camera may lack `R` and `T`: the world is its frame;
     - YAML of ROS: `camera_info` files, and messages as `ros2 topic echo` prints them; where a
       pair was calibrated together its world is the rectified frame of the first;
     - JSON as CMU Panoptic gives it: `cameras` with `name`, `resolution`, `K`, `distCoef`, `R`,
@@ -155,16 +155,25 @@ def _of_file(path: Path, scale: float | None) -> list[Camera]:
 
 
 def _distinct(cameras: list[Camera], path: Path) -> list[Camera]:
-    """The same, whose names all differ: they are chosen by name.
+    """The same, whose names all differ, for they are chosen by name, and whose places do.
 
     Raises:
-        InputError: two have one name.
+        InputError: two have one name, or one place: it is not said where they stand.
     """
     names: set[str] = set()
+    places: dict[bytes, str] = {}
     for camera in cameras:
         if camera.name in names:
             raise InputError(f"two cameras are called {shown(camera.name, 60)}", path)
         names.add(camera.name)
+        place = np.column_stack([camera.rotation, camera.translation]).tobytes()
+        if place in places:
+            raise InputError(
+                f"cameras {shown(places[place], 60)} and {shown(camera.name, 60)} stand at one"
+                " place and look one way: expected R and T of each, from the world to the camera",
+                path,
+            )
+        places[place] = camera.name
     return cameras
 
 

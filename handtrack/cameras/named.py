@@ -177,7 +177,9 @@ def _from_one(found: Named, path: Path, metre: float) -> Camera:
     matrix = entry(matrices, _MATRIX, where)
     if matrix.shape != (3, 3):
         raise InputError(f"camera_matrix has shape {matrix.shape}")
-    turn, move = _pose(matrices, where)
+    placed = any(key in matrices for key in (*_TURN, *_MOVE, *_BOTH))
+    # a lens alone: what it sees is in the camera's own frame
+    turn, move = _pose(matrices, where) if placed else (np.eye(3), np.zeros(3))
     return Camera(
         name(found.words.get("camera_name", path.stem), where),
         matrix.reshape(3, 3),

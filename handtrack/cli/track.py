@@ -27,7 +27,7 @@ from handtrack.cli.options import (
 from handtrack.cli.outputs import jobs, overwrite_option
 from handtrack.cli.pictures import check_overlay, picture_options
 from handtrack.cli.progress import Times, compiling_said, progress_shown, warm_up
-from handtrack.cli.sources import Given, items_of
+from handtrack.cli.sources import Given, Item, items_of
 from handtrack.errors import HandtrackError, SettingsError
 
 if TYPE_CHECKING:
@@ -93,6 +93,7 @@ def track(
     lens, times = Lens(camera, image_size, fov, board_unit), Times()
     pictured = not lens.given or lens.is_of(inputs, reading)
     if not pictured:
+        jobs([Item(inputs[0])], inputs, output, rrd)  # refused before the work, not after it
         with times.during("detecting and following"), compiling_said(silent):
             views = from_cameras(lens, inputs, reading, models, settings, silent)
         given, noise = Given([views[0]]), views[1]

@@ -72,6 +72,25 @@ def test_opencv_xml(tmp_path):
         ht.load_cameras(tmp_path)
 
 
+def test_a_lens_alone_sees_in_its_own_frame_and_two_need_their_places(tmp_path):
+    """cv2.calibrateCamera says how a lens sees, not where it stands."""
+    placed = rig(1)[0]
+    c = Camera("lens", placed.matrix, placed.distortion, np.eye(3), np.zeros(3), (1280, 720))
+    text = opencv_xml(c)
+    lens = text[: text.index("<R ")] + text[text.index("</opencv_storage>") :]
+    (tmp_path / "a.xml").write_text(lens)
+    (found,) = ht.load_cameras(tmp_path / "a.xml")
+    before = POINTS + [0, 0, 0.5]
+    np.testing.assert_allclose(found.project(before), c.project(before), atol=1e-6)
+    (tmp_path / "b.xml").write_text(lens)
+    with pytest.raises(InputError, match="a and b stand at one place and look one way: expected R"):
+        ht.load_cameras(tmp_path)
+    half = text[: text.index("<T ")] + text[text.index("</opencv_storage>") :]
+    (tmp_path / "c.xml").write_text(half)
+    with pytest.raises(InputError, match="no T or t"):
+        ht.load_cameras(tmp_path / "c.xml")
+
+
 @pytest.mark.parametrize("message", [False, True])
 def test_a_pair_calibrated_by_ros_shares_the_rectified_world(tmp_path, message):
     """Points in the rectified frame of the first camera, at 120 mm to the second."""

@@ -229,3 +229,9 @@ def test_landmarks_in_a_picture_are_fitted_there(call, tmp_path):
     assert track.settings["cameras"]["from"] == "landmarks in pictures"
     assert track.settings["cameras"]["lens"] == "65.2 degrees"
     assert track.settings["cameras"]["reprojection_px"]["median"] < 1
+    # what is there is refused before the work, not after it
+    again = call("track", tmp_path / "a.npy", *view, "--hand", "right", "-o", "a.mcap")
+    said = (
+        "error: a.mcap is there already: --overwrite replaces it, -o and --rrd give other names\n"
+    )
+    assert again == (2, "", said)

@@ -11,12 +11,13 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import landmark_files
 import numpy as np
 import pytest
 from documents_of import DOCUMENTS, ROOT, SITE, Block, blocks
-from scipy.spatial.transform import Rotation
 
 import handtrack as ht
 from handtrack.cli import COMMANDS, run
@@ -56,8 +57,10 @@ def desk(tmp_path_factory, sample, sample_file) -> Path:
     (folder / "clips").mkdir()
     for name in ("clip.json", "other.json"):
         shutil.copy(folder / name, folder / "clips")
-    truth, times = sample.truth[20:60], sample.time_ns[20:60]
-    np.savez(folder / "true.npz", joints_m=truth, time_ns=times, hand="right")
+    frames, times = slice(20, 120), sample.time_ns[20:120]
+    for name, joints in (("true", sample.truth), ("seen", sample.joints)):
+        np.savez(folder / f"{name}.npz", joints_m=joints[frames], time_ns=times, hand="right")
+    shutil.copy(folder / "clips" / "clip.json", folder / "hands.json")
     mano = folder / "models" / "mano" / "MANO_RIGHT.pkl"
     mano.parent.mkdir(parents=True)
     with mano.open("wb") as file:  # the reader has MANO; we have a free stand-in
@@ -67,13 +70,14 @@ def desk(tmp_path_factory, sample, sample_file) -> Path:
     if not (folder / "171204_pose6" / "hdHand3d").is_dir():
         pytest.fail(f"no hdHand3d in {made}")
     pictures(folder)
+    cameras(folder, sample)
     results(folder)
     bin_ = folder / "bin"
     bin_.mkdir()
     program(bin_ / "handtrack", f'exec {shlex.quote(sys.executable)} -m handtrack "$@"')
     lines = [
         json.dumps({"hand": "right", "time_ns": int(t), "joints_m": j.tolist()})
-        for t, j in zip(times, np.nan_to_num(sample.joints[20:60]), strict=True)
+        for t, j in zip(times, np.nan_to_num(sample.joints[frames]), strict=True)
     ]
     (bin_ / "lines.jsonl").write_text("\n".join(lines) + "\n")
     program(bin_ / "my_detector", f"cat {shlex.quote(str(bin_ / 'lines.jsonl'))}")
@@ -114,24 +118,16 @@ def pictures(folder: Path) -> None:
         return
     for name, source in found.items():
         beginning(source, folder / name, 20 if "stereo" in source.parts else 12)
-    tables = []
-    for i in (0, 1):
-        lens = rows_of_numbers(data / "stereo" / "camera_parameters" / f"c{i}.dat")
-        way = rows_of_numbers(data / "stereo" / "camera_parameters" / f"rot_trans_c{i}.dat")
-        turn = Rotation.from_matrix(way[:3]).as_rotvec().tolist()
-        shift = [0.042 * float(row[0]) for row in way[3:6]]  # squares of 42 mm
-        tables.append(
-            f'[cam_{i}]\nname = "cam{i}"\nsize = [720, 720]\nmatrix = {lens[:3]}\n'
-            f"distortions = {lens[3]}\nrotation = {turn}\ntranslation = {shift}\n"
-        )
-    (folder / "calibration.toml").write_text("\n".join(tables))
 
 
-def rows_of_numbers(path: Path) -> list[list[float]]:
-    lines = [line.split() for line in path.read_text().splitlines()]
-    return [
-        [float(x) for x in line] for line in lines if line and not re.match("[#A-Za-z]", line[0])
-    ]
+def cameras(folder: Path, sample: ht.Sequence) -> None:
+    """The calibration of the videos, else a made one, and landmarks that its cameras saw."""
+    dats = ROOT.parent / "shared" / "data" / "stereo" / "camera_parameters"
+    real = (folder / "cam0.mp4").exists()
+    found = ht.load_cameras(dats, unit="42mm") if real else landmark_files.pair()
+    seen_by = [replace(camera, name=f"cam{i}", size=(720, 720)) for i, camera in enumerate(found)]
+    (folder / "calibration.toml").write_text(landmark_files.calibration(seen_by))
+    landmark_files.write_all(folder, sample.truth[20:50], seen_by)
 
 
 def beginning(source: Path, target: Path, frames: int) -> None:
