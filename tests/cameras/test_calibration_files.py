@@ -80,7 +80,7 @@ def test_a_lens_alone_sees_in_its_own_frame_and_two_need_their_places(tmp_path):
     lens = text[: text.index("<R ")] + text[text.index("</opencv_storage>") :]
     (tmp_path / "a.xml").write_text(lens)
     (found,) = ht.load_cameras(tmp_path / "a.xml")
-    before = POINTS + [0, 0, 0.5]
+    before = np.add(POINTS, [0, 0, 0.5])
     np.testing.assert_allclose(found.project(before), c.project(before), atol=1e-6)
     (tmp_path / "b.xml").write_text(lens)
     with pytest.raises(InputError, match="a and b stand at one place and look one way: expected R"):

@@ -55,7 +55,7 @@ def write_all(folder: Path, joints: np.ndarray, cameras: list[Camera]) -> None:
     np.savez(arrays, landmarks=seen, fps=30.0, hand="right")
     write_dats(folder / "camera_parameters", cameras)
     one = Camera("lens", [[900.0, 0, 640], [0, 900, 360], [0, 0, 1]], [0.0] * 5, np.eye(3), [0] * 3)
-    pixels = one.project(centred + [0.0, 0.0, 0.6])
+    pixels = one.project(np.add(centred, [0.0, 0.0, 0.6]))
     (folder / "lens.yaml").write_text(
         "image_width: 1280\nimage_height: 720\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
         f"  data: {one.matrix.ravel().tolist()}\ndistortion_model: plumb_bob\n"
