@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 QUOTED = 200
 """Characters that an error quotes of a file, at most."""
@@ -76,3 +77,20 @@ class ModelError(HandtrackError):
 
 class NoHandError(HandtrackError):
     """There is no hand in any picture: the job failed, the input is sound."""
+
+
+def needed(module: str, what: str, extra: str) -> Any:
+    """A module of a library that comes with one of the extras.
+
+    Args:
+        module: its name.
+        what: what needs which library, as in "plots need matplotlib".
+        extra: of ours that installs it.
+
+    Raises:
+        SettingsError: it is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        raise SettingsError(f"{what}: pip install 'handtrack[{extra}]'") from None

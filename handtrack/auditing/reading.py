@@ -13,9 +13,8 @@ from handtrack.errors import InputError
 from handtrack.files.pictures import pictures_in
 from handtrack.sequences.joint_order import OtherOrder
 from handtrack.sequences.load import load, load_some
-from handtrack.sequences.sequence import Sequence
+from handtrack.sequences.sequence import Sequence, unique_names
 from handtrack.sequences.size import WrongUnit
-from handtrack.sequences.unique import unique_names
 
 
 class Unread(NamedTuple):

@@ -11,8 +11,7 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from handtrack.batching.engine import CONNECT_S, Engine, EngineError
-from handtrack.batching.optional import needed
-from handtrack.errors import SettingsError
+from handtrack.errors import SettingsError, needed
 
 _STARTS = 3
 _THREADS = ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM")
@@ -51,7 +50,7 @@ def engine(
     Raises:
         SettingsError: Dask is not installed, no scheduler answers, or workers do not fit.
     """
-    distributed = needed("distributed")
+    distributed = needed("distributed", "whole data sets need Dask", "batch")
     import dask
 
     if client is not None:

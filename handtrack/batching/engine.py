@@ -11,8 +11,7 @@ from contextlib import suppress
 from typing import Any, NamedTuple, TypeVar
 
 from handtrack import __version__
-from handtrack.batching.optional import needed
-from handtrack.errors import HandtrackError, SettingsError
+from handtrack.errors import HandtrackError, SettingsError, needed
 
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
@@ -199,7 +198,7 @@ class Engine:
             raise EngineError("the scheduler is gone")
 
     def _result(self, task: _Task, future: Any) -> Any:
-        killed = needed("distributed").KilledWorker
+        killed = needed("distributed", "whole data sets need Dask", "batch").KilledWorker
         if future.status in ("cancelled", "lost"):
             raise EngineError("the scheduler is gone")
         if future.status == "error":

@@ -13,8 +13,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 from uuid import uuid4
 
-from handtrack.batching.optional import needed
-from handtrack.errors import HandtrackError, SettingsError
+from handtrack.errors import HandtrackError, SettingsError, needed
 
 _Result = TypeVar("_Result")
 
@@ -41,10 +40,12 @@ def filesystem(place: str) -> tuple[Any, str]:
         SettingsError: what it needs is not installed, or it is no URL of a store.
         StoreError: the store cannot be opened.
     """
-    fsspec = needed("fsspec")
+    fsspec = needed("fsspec", "paths with :// need fsspec", "batch")
     scheme = place.partition("://")[0]
-    if scheme in ("s3", "gs"):
-        needed("s3fs" if scheme == "s3" else "gcsfs")
+    if scheme == "s3":
+        needed("s3fs", "paths with s3:// need s3fs", "batch")
+    if scheme == "gs":
+        needed("gcsfs", "paths with gs:// need gcsfs (pip install gcsfs)", "batch")
     known = fsspec.available_protocols()
     if scheme not in known and scheme.partition("::")[0] not in known:
         usual = "s3://, gs://, memory://, http://"

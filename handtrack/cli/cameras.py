@@ -250,8 +250,8 @@ def _people(
         InputError: of several cameras one saw several people.
     """
     from handtrack.files.pictures import pictures_in
+    from handtrack.video.detections import saved_detections
     from handtrack.video.landmark_files import Found, found_in
-    from handtrack.video.saved import saved_detections
 
     seen: list[list[Found]] = []
     stored = False

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.converting import egodex, openxr, tables, umetrack
-from handtrack.converting.animated import glb_joints
-from handtrack.converting.loss import Loss, loss
+from handtrack.converting.loss import Loss, glb_joints, loss
 from handtrack.converting.source import Source, Subject, anyone
 from handtrack.converting.targets import TARGETS, target_of
 from handtrack.errors import HandtrackError, SettingsError

@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from handtrack.evaluation.arrays import Array, in_blocks, lengths, nan_mean, pair
+from handtrack.files.long_arrays import Growing, blocks
 from handtrack.hand.rotations import quaternion_to_matrix
 
 MIN_POINTS = 3
 """A frame with fewer common points has no alignment."""
+_ALIGNED = 4000
+"""Frames aligned at once."""
 
 
 def procrustes(
@@ -202,3 +205,19 @@ def reflection_pa_mpjpe(a: ArrayLike, b: ArrayLike) -> Array:
 def pa_mpvpe(a: ArrayLike, b: ArrayLike) -> Array:
     """As `pa_mpjpe`, on mesh vertices (T, V, 3) and aligned on them."""
     return pa_mpjpe(a, b)
+
+
+def joint_errors_mm(a: Array, b: Array) -> tuple[Array, Array, Array]:
+    """(T, 21) distances [mm] after similarity alignment of each frame, without, and with the
+    wrists on each other."""
+    out = Growing((3, a.shape[1]))
+    known = any(not np.isnan(b[part]).all() for part in blocks(len(b)))
+    for part in blocks(len(a), _ALIGNED):
+        errors = np.full((3, *a[part].shape[:2]), np.nan)
+        if known:
+            x, y = a[part] * 1e3, b[part] * 1e3
+            apart = x - y
+            errors[:] = lengths(align(x, y) - y), lengths(apart), lengths(apart - apart[:, :1])
+        out.append(errors.swapaxes(0, 1))
+    whole = out.whole()
+    return whole[:, 0], whole[:, 1], whole[:, 2]

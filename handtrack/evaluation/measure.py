@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.evaluation import anatomy, metrics
+from handtrack.evaluation.alignment import joint_errors_mm
 from handtrack.evaluation.arrays import Array, mean_of_frames, nan_mean
 from handtrack.evaluation.bootstrap import Intervals, intervals
-from handtrack.evaluation.frame_errors import joint_errors_mm, used
 from handtrack.evaluation.matching import size_ratio
 from handtrack.evaluation.results import Against, Material, Spread, Stability
 from handtrack.evaluation.shake import Shake, shake_values
-from handtrack.files.long_arrays import by_blocks, release
+from handtrack.files.long_arrays import blocks, by_blocks, release
 from handtrack.hand.limits import Limits
 from handtrack.hand.skeleton import Hand
 from handtrack.sequences.sequence import Sequence
@@ -83,7 +83,7 @@ class Estimate:
             track.frame_index,
             _only(track.filtered_joints, track.measured_joints),
             (fitted, predicted, lost),
-            used(track),
+            _used(track),
             _known(track.truth),
             track.angles,
             track.model.limits,
@@ -328,3 +328,13 @@ def _intervals(values: Mapping[str, Array]) -> dict[str, Intervals]:
             found[key] = intervals(values[key])
             release()
     return found
+
+
+def _used(track: Track) -> Array:
+    """The joints observed; what the fit was told to ignore counts for nothing."""
+    seen, weights = track.observed, track.confidence
+    if any(
+        (~np.isnan(seen[part, :, 0]) & ~(weights[part] > 0)).any() for part in blocks(len(seen))
+    ):
+        return by_blocks(lambda x, w: np.where(w[..., None] > 0, x, np.nan), seen, weights)
+    return seen

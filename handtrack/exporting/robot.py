@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.hand.capsule_shapes import Capsule, joint_capsules
+from handtrack.hand.capsules import Capsule, joint_capsules
 from handtrack.hand.model import HandModel
 from handtrack.hand.skeleton import (
     ANGLE_JOINT,

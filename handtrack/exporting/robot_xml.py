@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.exporting.robot import SPEED, TORQUE, Hinge, Link
-from handtrack.hand.capsule_shapes import SKIN_RGBA, add_capsule, add_skin_material, as_text
+from handtrack.hand.capsules import SKIN_RGBA, add_capsule, add_skin_material, as_text
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from handtrack.errors import SettingsError
+from handtrack.errors import SettingsError, needed
 
 if TYPE_CHECKING:
     from handtrack.tracking.frame import TrackedFrame
@@ -148,13 +148,7 @@ class _Datagrams:
 
 class _ZeroMQ:
     def __init__(self, host: str, port: int) -> None:
-        try:
-            import zmq
-        except ImportError:
-            raise SettingsError(
-                "--publish zmq: needs pyzmq: pip install 'handtrack[live]'"
-            ) from None
-        self._zmq: Any = zmq
+        self._zmq = zmq = needed("zmq", "--publish zmq: needs pyzmq", "live")
         self._context: Any = zmq.Context()
         self._socket: Any = self._context.socket(zmq.PUB)
         self._socket.setsockopt(zmq.LINGER, 200)
@@ -182,16 +176,11 @@ class _ZeroMQ:
 class _WebSocket:
     def __init__(self, host: str, port: int, binary: bool) -> None:
         self._binary = binary
-        try:
-            from websockets.sync.server import serve
-        except ImportError:
-            raise SettingsError(
-                "--publish ws: needs websockets: pip install 'handtrack[live]'"
-            ) from None
+        server = needed("websockets.sync.server", "--publish ws: needs websockets", "live")
         self._readers: set[_Reader] = set()
         self._lock = threading.Lock()
         try:
-            self._server: Any = serve(self._read, host.strip("[]"), port)
+            self._server: Any = server.serve(self._read, host.strip("[]"), port)
         except OSError as error:
             raise SettingsError(
                 f"--publish ws: cannot listen at {host}:{port}: {error.strerror}"

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.hand.capsule_shapes import add_capsule, add_skin_material, joint_capsules
+from handtrack.hand.capsules import add_capsule, add_skin_material, joint_capsules
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import matrix_to_quaternion
 from handtrack.hand.skeleton import (

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from handtrack.errors import SettingsError
+from handtrack.errors import SettingsError, needed
 from handtrack.files.whole import whole_file
 from handtrack.plotting.panels import draw_angle, draw_errors, draw_legend, draw_statuses
 from handtrack.plotting.runs import Run, chosen_angles, runs_of
@@ -81,11 +81,8 @@ def plot(
 
 def _style(how: PlotSettings) -> AbstractContextManager[None]:
     """matplotlib's settings for a journal: text that can be read and edited, fine lines."""
-    try:
-        import matplotlib
-    except ImportError:
-        raise SettingsError("plots need matplotlib: pip install 'handtrack[plot]'") from None
-    context: AbstractContextManager[None] = matplotlib.rc_context(
+    library = needed("matplotlib", "plots need matplotlib", "plot")
+    context: AbstractContextManager[None] = library.rc_context(
         {
             "font.family": "sans-serif",
             "font.sans-serif": ["Arial", "Helvetica", "Liberation Sans", "DejaVu Sans"],

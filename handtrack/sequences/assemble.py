@@ -13,9 +13,8 @@ from handtrack.files.long_arrays import blocks, by_blocks
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS
 from handtrack.hand.units import METRES, METRIC, Unit
 from handtrack.sequences.clock import UNIT_NS, Clock, TimeUnit, check_fps, read_clock
-from handtrack.sequences.coincident import without_coincident
 from handtrack.sequences.joint_order import AXIS_MAJOR, check_order, ordered_by_axis, read_order
-from handtrack.sequences.marks import marked
+from handtrack.sequences.marks import marked, without_coincident
 from handtrack.sequences.picture import Picture, is_share
 from handtrack.sequences.readers.pictures import refuse_picture
 from handtrack.sequences.readers.raw import Array, Raw

@@ -28,9 +28,8 @@ from handtrack.sequences.readers.folder import Source, is_ignored, sources
 from handtrack.sequences.readers.mano_params import decoded
 from handtrack.sequences.readers.raw import NoFramesError, NotJointsError, Raw
 from handtrack.sequences.readers.recognise import check_format, read_file
-from handtrack.sequences.sequence import Sequence
+from handtrack.sequences.sequence import Sequence, unique_names
 from handtrack.sequences.size import check_sizes
-from handtrack.sequences.unique import unique_names
 from handtrack.sequences.world_check import about_the_wrist, world_doubts
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 from weakref import WeakValueDictionary
 
@@ -18,6 +20,7 @@ from handtrack.sequences.picture import Picture
 
 if TYPE_CHECKING:
     from handtrack.detectors.profile import Profile
+
 
 Array = NDArray[np.float64]
 RemarkKind = Literal["exchanged", "other"]
@@ -298,3 +301,21 @@ def _confidence(given: Array | None, joints: Array, where: str | None) -> Array:
         return confidence
 
     return by_blocks(clear, values, joints)
+
+
+def unique_names(sequences: list[Sequence]) -> list[Sequence]:
+    """The same, with the folder's name in front of names that several have, or else a number."""
+    count = Counter(s.name for s in sequences)
+    named = [
+        replace(s, name=f"{Path(s.source).resolve().parent.name} {s.name}")
+        if count[s.name] > 1
+        else s
+        for s in sequences
+    ]
+    count = Counter(s.name for s in named)
+    number: Counter[str] = Counter()
+    for i, sequence in enumerate(named):
+        if count[sequence.name] > 1:
+            number[sequence.name] += 1
+            named[i] = replace(sequence, name=f"{sequence.name} {number[sequence.name]}")
+    return named

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from handtrack.errors import SettingsError
+from handtrack.errors import needed
 from handtrack.hand.skeleton import ANGLE_NAMES, JOINT_NAMES
 from handtrack.hand.sketch import html_card
 
@@ -23,10 +23,7 @@ _UNITS = {"angle_variance": "rad^2", "error": "m", "objective": "m^2"}
 
 def dataset(track: Track) -> xarray.Dataset:
     """See `Track.to_xarray`."""
-    try:
-        import xarray
-    except ImportError:
-        raise SettingsError("to_xarray needs xarray: pip install 'handtrack[data]'") from None
+    library = needed("xarray", "to_xarray needs xarray", "data")
 
     def of(dims: tuple[str, ...], values: Any, unit: str = "") -> Any:
         return dims, np.array(values), {"units": unit} if unit else {}
@@ -48,7 +45,7 @@ def dataset(track: Track) -> xarray.Dataset:
         found[name] = of(("time",), getattr(track, name))
     found["objective"] = of(("time",), track.objective, "m^2")
     seconds = (track.time_ns - track.time_ns[0]) * 1e-9 if len(track) else track.time_ns * 1e-9
-    return xarray.Dataset(
+    made: xarray.Dataset = library.Dataset(
         found,
         coords={
             "time": of(("time",), seconds, "s"),
@@ -66,14 +63,12 @@ def dataset(track: Track) -> xarray.Dataset:
             "handtrack": track.version,
         },
     )
+    return made
 
 
 def dataframe(track: Track) -> pandas.DataFrame:
     """See `Track.to_dataframe`."""
-    try:
-        import pandas
-    except ImportError:
-        raise SettingsError("to_dataframe needs pandas: pip install 'handtrack[data]'") from None
+    library = needed("pandas", "to_dataframe needs pandas", "data")
     start = int(track.time_ns[0]) if len(track) else 0
     table: dict[str, Any] = {
         "frame": track.frame_index,
@@ -92,8 +87,9 @@ def dataframe(track: Track) -> pandas.DataFrame:
                 for i, c in enumerate("xyz"):
                     table[f"{kind}{name}_{c}_mm"] = 1e3 * points[:, j, i]
     table |= {f"error_{name}_mm": 1e3 * track.error[:, j] for j, name in enumerate(JOINT_NAMES)}
-    index = pandas.Index((track.time_ns - start) * 1e-9, name="time_s")
-    return pandas.DataFrame(table, index=index)
+    index = library.Index((track.time_ns - start) * 1e-9, name="time_s")
+    made: pandas.DataFrame = library.DataFrame(table, index=index)
+    return made
 
 
 def short(track: Track) -> str:

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.errors import HandtrackError, SettingsError
+from handtrack.errors import HandtrackError, SettingsError, needed
 from handtrack.hand.skeleton import Hand
 from handtrack.video.model_file import find
 
@@ -149,14 +149,10 @@ class MediaPipeDetector:
 
 
 def _mediapipe() -> tuple[Any, Any, Any]:
-    try:
-        import mediapipe
-        from mediapipe.tasks.python import BaseOptions, vision
-    except ImportError:
-        raise SettingsError(
-            "finding hands in pictures needs MediaPipe: pip install 'handtrack[video]'"
-        ) from None
-    return mediapipe, vision, BaseOptions
+    what = "finding hands in pictures needs MediaPipe"
+    mediapipe = needed("mediapipe", what, "video")
+    tasks = needed("mediapipe.tasks.python", what, "video")
+    return mediapipe, tasks.vision, tasks.BaseOptions
 
 
 def _line(error: Exception) -> str:

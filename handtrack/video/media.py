@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.errors import InputError, SettingsError
+from handtrack.errors import InputError, needed
 from handtrack.files.pictures import images_in, pictures_in
 from handtrack.sequences.clock import check_fps
 from handtrack.video.orientation import upright, way_of_frame, way_of_image
@@ -22,11 +22,7 @@ def opencv() -> Any:
     Raises:
         SettingsError: it is not installed.
     """
-    try:
-        import cv2
-    except ImportError:
-        raise SettingsError("pictures need OpenCV: pip install 'handtrack[video]'") from None
-    return cv2
+    return needed("cv2", "pictures need OpenCV", "video")
 
 
 IMAGE_FPS = 30.0
@@ -135,12 +131,7 @@ def _video(path: Path, fps: float | None) -> Iterator[Picture]:
 
 
 def _open(path: Path) -> Any:
-    try:
-        import av
-    except ImportError:
-        raise SettingsError(
-            f"{path}: reading pictures needs PyAV: pip install 'handtrack[video]'"
-        ) from None
+    av = needed("av", f"{path}: reading pictures needs PyAV", "video")
     try:
         container = av.open(str(path))
     except (av.FFmpegError, OSError) as error:

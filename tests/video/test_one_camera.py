@@ -11,9 +11,9 @@ from handtrack.detectors.profile import Noise
 from handtrack.errors import InputError
 from handtrack.evaluation.metrics import pa_mpjpe
 from handtrack.tracking.settings import TrackSettings
+from handtrack.video.detections import saved_detections
 from handtrack.video.following import follow
 from handtrack.video.one_camera import SeenHand, believed_size, hand_seen, steady_depths
-from handtrack.video.saved import saved_detections
 from handtrack.video.views import views_of
 
 MM = np.full(21, 1e-3)
