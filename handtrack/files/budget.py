@@ -162,8 +162,12 @@ def rest(file: IO[bytes], path: Path, head: bytes = b"", limit: int | None = Non
     size = os.fstat(file.fileno()).st_size
     data = head
     if size <= most:
-        data += file.read(max(size - len(head), 0))
-        while len(data) <= most and (piece := file.read(_PIECE)):  # a pipe, or it grows
+        wanted = max(size - len(head), 0) + 1  # one more than there is: then its end is seen
+        piece = file.read(wanted)
+        data += piece
+        while len(piece) >= wanted and len(data) <= most:  # a pipe, or it grows
+            wanted = _PIECE
+            piece = file.read(wanted)
             data += piece
         size = len(data)
     if size > most:

@@ -13,6 +13,7 @@ import handtrack as ht
 from handtrack.errors import InputError
 from handtrack.hand.rotations import vector_to_matrix
 from handtrack.sequences.picture_landmarks import load_picture_landmarks
+from handtrack.sequences.readers import keypoints_2d
 from handtrack.video.following import follow
 from handtrack.video.landmark_files import camera_of_view, found_in
 from handtrack.video.views import views_of
@@ -131,6 +132,31 @@ def test_openpose_by_video_and_frame(pixels, tmp_path):
     assert one.sure[0, 0] == pytest.approx(0.9)
     with pytest.raises(InputError, match="only x and y"):
         ht.load(tmp_path)
+
+
+@pytest.mark.parametrize("two", [False, True])
+def test_openpose_files_together_are_as_one_by_one(pixels, tmp_path, monkeypatch, two):
+    for t in range(8):
+        file = openpose(pixels[t])
+        person = file["people"][0]
+        person["hand_left_keypoints_2d"] = [0.5 * t] * 63 if t % 3 else [0] * 63
+        if t == 4:
+            person["hand_right_keypoints_2d"] = []
+        if two and t > 5:
+            file["people"].append(person | {"person_id": [t]})
+        (tmp_path / f"a_{t:012d}_keypoints.json").write_text(json.dumps(file))
+    (tmp_path / "a_7_keypoints.json").write_text(json.dumps(openpose(pixels[0])))
+    monkeypatch.setattr(keypoints_2d, "_AT_ONCE", 3)
+    quick = load_picture_landmarks(tmp_path)
+    monkeypatch.setattr(keypoints_2d, "of_one_person", lambda *_: None)
+    for one, other in zip(quick, load_picture_landmarks(tmp_path), strict=True):
+        assert (one.name, one.hand) == (other.name, other.hand)
+        np.testing.assert_array_equal(one.points, other.points)
+        np.testing.assert_array_equal(one.sure, other.sure)
+        np.testing.assert_array_equal(one.frame_index, other.frame_index)
+    right = quick[-1 if not two else [q.hand for q in quick].index("right")]
+    assert np.isnan(right.points[4]).all()
+    np.testing.assert_allclose(right.points[3], pixels[3], atol=2e-3)
 
 
 def test_the_depth_that_mediapipe_guesses_is_used(joints, pixels, tmp_path):

@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import msgspec
@@ -25,9 +26,10 @@ _NOT_DATA = ("readme", "license", "licence", "copying", "changelog", "notice")
 _OTHER_PANOPTIC = ("body3DScene_", "faceRecon3D_")
 
 
-def _numbered() -> Iterator[tuple[re.Pattern[str], Callable[..., list[Raw]]]]:
+@cache
+def _numbered() -> tuple[tuple[re.Pattern[str], Callable[..., list[Raw]]], ...]:
     """Files that make one sequence by their names, and who reads them."""
-    return (f.numbered for f in formats() if f.numbered is not None)
+    return tuple(f.numbered for f in formats() if f.numbered is not None)
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,12 @@ def may_be_data(name: str) -> bool:
     if is_ignored(name):
         return False
     # other endings (videos, pictures, notes) are not looked into; pickles of other names are models
-    return _is_numbered(name) or Path(lower).suffix in {s for f in formats() for s in f.suffixes}
+    return os.path.splitext(lower)[1] in _suffixes() or _is_numbered(name)
+
+
+@cache
+def _suffixes() -> frozenset[str]:
+    return frozenset(s for f in formats() for s in f.suffixes)
 
 
 def _is_numbered(name: str) -> bool:
@@ -134,8 +141,10 @@ def _groups(names: list[str], here: Path) -> Iterator[list[str]]:
     numbered: dict[str, list[str]] = {}
     for pattern, _ in _numbered():
         together = [name for name in names if pattern.fullmatch(name)]
-        names = [name for name in names if not pattern.fullmatch(name)]
-        yield from _by_video(together)
+        if together:
+            taken = set(together)
+            names = [name for name in names if name not in taken]
+            yield from _by_video(together)
     for name in names:
         prefix = panoptic.prefix(name)
         if prefix is None:

@@ -26,17 +26,17 @@ from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.number_text import Forms
+from handtrack.sequences.readers.openpose_alike import HAND_KEYS, of_one_person
 from handtrack.sequences.readers.panoptic import FRAME, Frames, holds_pixels, in_range
 from handtrack.sequences.readers.pictures import flat
 from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, stem
 
 FILE_NAME = re.compile(r"(.*?)_?(\d{1,18})_keypoints\.json")
 """OpenPose's files: of a video's name, its frame's number."""
-_HANDS: tuple[tuple[Hand, str, str], ...] = (
-    ("left", "hand_left_keypoints_2d", "lefthand_kpts"),
-    ("right", "hand_right_keypoints_2d", "righthand_kpts"),
-)
+_COCO_KEYS: dict[Hand, str] = {"left": "lefthand_kpts", "right": "righthand_kpts"}
 _WHOLE_BODY, _LEFT = 133, 91
+_AT_ONCE = 512
+"""Files whose numbers become arrays together."""
 
 
 @dataclass
@@ -67,9 +67,12 @@ def read_openpose(paths: Iterable[Path], folder: Path, frames: Frames = None) ->
     numbered = sorted((int(m[2]), p) for m, p in found if m is not None)
     chosen = in_range(numbered, frames, folder)
     hands: dict[_Key, _Seen] = {}
-    for number, path in chosen:
-        value = decode(budget.read(path, FRAME), dict[str, Any], path)
-        _add_people(hands, number, value, path)
+    for begin in range(0, len(chosen), _AT_ONCE):
+        some = chosen[begin : begin + _AT_ONCE]
+        values = [decode(budget.read(path, FRAME), dict[str, Any], path) for _, path in some]
+        if not _add_alike(hands, [number for number, _ in some], values):
+            for (number, path), value in zip(some, values, strict=True):
+                _add_people(hands, number, value, path)
     name = openpose_prefix(chosen[0][1].name) or folder.resolve().name
     return _raws(hands, [n for n, _ in chosen], folder, name)
 
@@ -141,7 +144,7 @@ def _alike(records: list[tuple[int, dict[str, Any]]]) -> dict[_Key, _Seen] | Non
     first = records[0][1]
     numbers = [number for number, _ in records]
     scored = "keypoint_scores" in first
-    if len(set(numbers)) < len(numbers) or any(key in first for _, _, key in _HANDS):
+    if len(set(numbers)) < len(numbers) or any(key in first for key in _COCO_KEYS.values()):
         return None
     if any(r.keys() != first.keys() for _, r in records):
         return None
@@ -194,7 +197,7 @@ def of_forms(forms: Forms | None, path: Path) -> list[Raw] | None:
 def _of_record(
     record: dict[str, Any], place: str, path: Path
 ) -> Iterator[tuple[Hand | None, Array]]:
-    coco = [(hand, record[key]) for hand, _, key in _HANDS if record.get(key) is not None]
+    coco = [(hand, record[key]) for hand, key in _COCO_KEYS.items() if record.get(key) is not None]
     for hand, value in coco:
         if record.get(f"{hand}hand_valid", True):
             yield hand, _points(value, f"{place}: {hand}hand_kpts", path)
@@ -227,9 +230,24 @@ def _add_people(hands: dict[_Key, _Seen], number: int, value: dict[str, Any], pa
         known = person.get("person_id", [-1])
         known = known[0] if isinstance(known, list) and known else known
         name = _person(known if isinstance(known, int) and known >= 0 else i)
-        for hand, key, _ in _HANDS:
+        for hand, key in HAND_KEYS.items():
             if person.get(key):
                 _put(hands, (name, hand), number, _points(person[key], f"people[{i}].{key}", path))
+
+
+def _add_alike(hands: dict[_Key, _Seen], numbers: list[int], values: list[dict[str, Any]]) -> bool:
+    """Add the hands of pictures together; False, and nothing done, where they are not alike."""
+    found = of_one_person(numbers, values)
+    if found is None:
+        return False
+    keys: dict[Hand, _Key] = {hand: (_person(0), hand) for hand in found}
+    if any(hands[keys[h]].frame[-1:] == f[:1] for h, (f, _) in found.items() if keys[h] in hands):
+        return False  # of files with one number the first counts
+    for hand, (frame, points) in found.items():
+        seen = hands.setdefault(keys[hand], _Seen())
+        seen.frame += frame
+        seen.points += list(points)
+    return True
 
 
 def _person(number: int) -> str:

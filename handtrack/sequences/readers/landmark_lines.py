@@ -141,9 +141,9 @@ class LandmarkLines:
                 f"{text} is no line such as 'Right landmarks:, 63 numbers'", self.where
             )
         hand: Hand = "left" if found[1].lower() == b"left" else "right"
-        values = line[found.end() :].split(b",")
         if placed is not None:
             return self._joints(hand, placed, found[3]) if len(placed) else []
+        values = line[found.end() :].split(b",")
         if found[2].lower() == b"wrist":
             # some add the fist's state
             pose = self._numbers(

@@ -22,7 +22,6 @@ from handtrack.sequences.clock import Stamps
 from handtrack.sequences.readers.catalogue import Format, Way
 from handtrack.sequences.readers.jsontext import decode, misfit
 from handtrack.sequences.readers.raw import (
-    Array,
     NotJointsError,
     Raw,
     as_fps,
@@ -33,6 +32,7 @@ from handtrack.sequences.readers.raw import (
 
 Point = tuple[float | None, float | None, float | None]
 """A place; null is what JSON has for NaN."""
+_NOWHERE: Point = (None, None, None)
 
 
 class _LeapHand(msgspec.Struct):
@@ -77,7 +77,7 @@ class _Seen:
     """What was seen of one hand so far."""
 
     frame: list[int] = field(default_factory=list)
-    joints: list[Array] = field(default_factory=list)
+    joints: list[list[Point]] = field(default_factory=list)
     confidence: list[float] = field(default_factory=list)
     ids: list[int] = field(default_factory=list)
 
@@ -100,6 +100,7 @@ def read_leap(data: bytes, path: Path) -> list[Raw]:
     recording: _Recording = decode(data, _Recording, path)
     frames = _frames(recording, path)
     seen: dict[Hand, list[_Seen]] = {}
+    labels: dict[str, Hand] = {}
     notes: list[str] = []
     for number, frame in enumerate(frames):
         busy: list[_Seen] = []
@@ -108,10 +109,12 @@ def read_leap(data: bytes, path: Path) -> list[Raw]:
                 raise InputError(f"frames[{number}]: hand {hand.id} has no type", path)
             fingers = [p for p in frame.pointables or () if p.hand_id == hand.id and not p.tool]
             joints = _joints(hand, fingers, f"frames[{number}]", path)
-            if np.isnan(joints).all():
+            if all(x is None for point in joints for x in point):
                 continue
-            label = as_hand(hand.type, path, f"frames[{number}]: the type of hand {hand.id}")
-            track = _track(seen.setdefault(label, []), hand.id, busy)
+            if hand.type not in labels:
+                where = f"frames[{number}]: the type of hand {hand.id}"
+                labels[hand.type] = as_hand(hand.type, path, where)
+            track = _track(seen.setdefault(labels[hand.type], []), hand.id, busy)
             busy.append(track)
             track.frame.append(number)
             track.joints.append(joints)
@@ -126,7 +129,7 @@ def read_leap(data: bytes, path: Path) -> list[Raw]:
         for number, track in enumerate(tracks, 1):
             at = np.array(track.frame, dtype=np.int64)
             joints = np.full((len(frames), N_JOINTS, 3), np.nan)
-            joints[at] = np.array(track.joints)
+            joints[at] = np.array(track.joints, dtype=np.float64)
             sure = np.ones((len(frames), N_JOINTS))
             sure[at] = np.clip(track.confidence, 0, 1)[:, None]
             ids = list(dict.fromkeys(track.ids))
@@ -163,11 +166,10 @@ def _track(tracks: list[_Seen], hand_id: int, busy: list[_Seen]) -> _Seen:
     return tracks[-1]
 
 
-def _joints(hand: _LeapHand, fingers: list[_Pointable], where: str, path: Path) -> Array:
-    """(21, 3) joints of one hand [mm], NaN = missing."""
-    joints = np.full((N_JOINTS, 3), np.nan)
-    if hand.wrist is not None:
-        joints[0] = _place(hand.wrist)
+def _joints(hand: _LeapHand, fingers: list[_Pointable], where: str, path: Path) -> list[Point]:
+    """The 21 joints of one hand [mm], of None where missing."""
+    joints = [_NOWHERE] * N_JOINTS
+    joints[0] = hand.wrist or _NOWHERE
     for finger in fingers:
         kind = finger.type
         if kind is None and finger.id is not None:
@@ -176,14 +178,10 @@ def _joints(hand: _LeapHand, fingers: list[_Pointable], where: str, path: Path) 
             raise InputError(f"{where}: a finger's type is {kind}, expected 0 to 4", path)
         tip = finger.tip_position if finger.btip_position is None else finger.btip_position
         points = (finger.mcp_position, finger.pip_position, finger.dip_position, tip)
-        for i, point in enumerate(points):
+        for i, point in enumerate(points, 4 * kind + 1):
             if point is not None:
-                joints[4 * kind + 1 + i] = _place(point)
+                joints[i] = point
     return joints
-
-
-def _place(point: Point) -> Array:
-    return np.array([np.nan if x is None else x for x in point])
 
 
 def _frames(recording: _Recording, path: Path) -> list[_LeapFrame]:
