@@ -39,6 +39,7 @@ from handtrack.sequences.readers.fields import from_fields
 from handtrack.sequences.readers.flat_json import with_depth
 from handtrack.sequences.readers.found import CONTAINERS, MOST_HANDS, MOST_NAMES, hands_in
 from handtrack.sequences.readers.joint_frames import as_frames
+from handtrack.sequences.readers.json_lines import forms_of_lines, lines_in
 from handtrack.sequences.readers.json_table import table_of
 from handtrack.sequences.readers.jsontext import blanks_as_null, decode, is_blank, refuse_nothing
 from handtrack.sequences.readers.number_text import Forms
@@ -80,13 +81,12 @@ def read_lines(data: bytes, path: Path) -> list[Raw]:
         InputError: a line that is not JSON or not a frame (with its number).
     """
     refuse_nothing(data, path)
-    lines = [(n, line) for n, line in enumerate(data.split(b"\n"), 1) if line.strip()]
+    first = next(lines_in(data), None)
+    forms = None if first is None or _is_of_its_own(first[1]) else forms_of_lines(data)
+    if forms and (quick := alike(forms[0], Places("line", forms[1]), path)) is not None:
+        return quick
+    lines = list(lines_in(data))
     places = Places("line", [n for n, _ in lines])
-    if len(lines) >= FEWEST and not _is_of_its_own(lines[0][1]):
-        forms = forms_of(b"[" + b",".join(line for _, line in lines) + b"]")
-        quick = None if forms is None or len(forms) != len(lines) else alike(forms, places, path)
-        if quick is not None:
-            return quick
     try:  # all at once is faster, but cannot say which line is wrong
         values = decode(b"[" + b",".join(line for _, line in lines) + b"]", list[Any], path)
     except InputError:

@@ -108,8 +108,8 @@ def read_leap(data: bytes, path: Path) -> list[Raw]:
             if hand.type is None:
                 raise InputError(f"frames[{number}]: hand {hand.id} has no type", path)
             fingers = [p for p in frame.pointables or () if p.hand_id == hand.id and not p.tool]
-            joints = _joints(hand, fingers, f"frames[{number}]", path)
-            if all(x is None for point in joints for x in point):
+            points = _joints(hand, fingers, f"frames[{number}]", path)
+            if all(x is None for point in points for x in point):
                 continue
             if hand.type not in labels:
                 where = f"frames[{number}]: the type of hand {hand.id}"
@@ -117,7 +117,7 @@ def read_leap(data: bytes, path: Path) -> list[Raw]:
             track = _track(seen.setdefault(labels[hand.type], []), hand.id, busy)
             busy.append(track)
             track.frame.append(number)
-            track.joints.append(joints)
+            track.joints.append(points)
             track.confidence.append(1.0 if hand.confidence is None else hand.confidence)
             track.ids.append(hand.id)
     if not seen:
