@@ -105,6 +105,8 @@ def _take(context: click.Context, option: click.Parameter, value: Path | None) -
             if value is not None:
                 raise InputError("there is no [tool.handtrack] in it", path)
             return
+    elif not table:
+        raise InputError("there is no option in it, expected a table for each command", path)
     options = _options(table, context, path)
     if options:
         _check(options, context, path)

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from handtrack.tracking.settings import TrackerSettings
 
 COMPILING = "compiling {part}, once on this machine (about {seconds} s) ..."
+STILL = "still compiling: {count} functions in {seconds:.0f} s"
+_STILL_S = 10.0
+"""So often while it lasts."""
 _PARTS = (
     (("smoother.lag", "drift_smoother.lag"), "the smoother with a fixed lag", 15),
     (("smoother", "drift_smoother"), "the smoother", 15),
@@ -44,7 +47,8 @@ def _part(module: str, function: str) -> tuple[str, int]:
 
 @contextmanager
 def compiling_said(quiet: bool) -> Iterator[None]:
-    """Say so, once for each part and on one line, when code is really compiled in the block."""
+    """Say so, on one line for each part, when code is really compiled in the block; and every ten
+    seconds that it goes on."""
     if quiet:
         yield
         return
@@ -56,12 +60,15 @@ def compiling_said(quiet: bool) -> Iterator[None]:
         def __init__(self) -> None:
             self.said: set[str] = set()
             self.within = 0
+            self.functions: set[str] = set()
+            self.start = self.told = 0.0
 
         def on_start(self, event: Any) -> None:
+            of = event.data
+            self._still(f"{of.get('module', '')}.{of.get('qualname', '')}")
             self.within += 1
             if self.within > 1:  # what a function calls is compiled with it
                 return
-            of = event.data
             part, seconds = _part(str(of.get("module", "")), str(of.get("qualname", "")))
             # what a filter is made of belongs to the fitter, which stands before it
             if part not in self.said and not (part == _FITTER[0] and self.said):
@@ -70,6 +77,15 @@ def compiling_said(quiet: bool) -> Iterator[None]:
 
         def on_end(self, event: Any) -> None:
             self.within -= 1
+
+        def _still(self, function: str) -> None:
+            now = time.monotonic()
+            if not self.functions:
+                self.start = self.told = now
+            self.functions.add(function)
+            if now - self.told >= _STILL_S:
+                self.told, so_far = now, {"count": len(self.functions), "seconds": now - self.start}
+                click.echo(STILL.format(**so_far), err=True)
 
     listener = Listener()
     events.register("numba:run_pass", listener)

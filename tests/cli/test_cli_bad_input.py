@@ -107,6 +107,10 @@ BAD = {
     "nothing seen": (["track", "missing.npz"], "missing.npz: every joint is missing"),
     "hand of 91 mm in mm": (["track", SHORT, "--unit", "mm"], "unit m would fit"),
     "hand of 91 mm in cm": (["track", SHORT, "--unit", "cm"], "unit m would fit"),
+    "no configuration": (
+        ["track", SHORT, "--config", "nothing.json"],
+        "nothing.json: there is no option in it, expected a table for each command",
+    ),
     "unknown unit": (["track", SHORT, "--unit", "km"], "'km' is not one of 'm', 'cm', 'mm'"),
     "unknown order": (["track", SHORT, "--order", "x"], "unknown joint order 'x', expected one of"),
     "order of 26": (["track", SHORT, "--order", "openxr"], "21 joints, the order openxr has 26"),
@@ -271,15 +275,38 @@ def test_a_folder_that_may_not_be_written_to(call, made):
     assert (status, "no permission" in err) == (2, True)
 
 
-def test_ctrl_c_is_one_line(call, made, monkeypatch):
+PHASES = {
+    "read": "handtrack.sequences.load.read_file",
+    "calibrate": "handtrack.calibration.bundle._step",
+    "fit": "handtrack.tracking.sequence_track._blocks",
+    "write": "handtrack.recording.write.RecordingWriter.add",
+    "write the end": "handtrack.recording.write.RecordingWriter.finish",
+    "write .rrd": "handtrack.viewer.rerun_log.save_hands",
+    "print": "handtrack.evaluation.report.print_table",
+}
+"""Where `track` is when Ctrl-C comes."""
+
+
+@pytest.mark.filterwarnings("ignore:a.mcap.part")
+@pytest.mark.parametrize("phase", PHASES)
+def test_ctrl_c_is_one_line(phase, call, made, monkeypatch):
+    """And leaves recordings that can be read, or none."""
+    came = []
+
     def interrupted(*_: object, **__: object) -> None:
+        came.append(phase)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("handtrack.recording.write.RecordingWriter.add", interrupted)
-    status, out, err = call("track", made.short, "-o", "a.mcap")
-    assert (status, out) == (130, "")
-    assert err.strip() == "stopped"
-    assert not list(Path().glob("a.mcap*"))
+    monkeypatch.setattr(PHASES[phase], interrupted)
+    status, out, err = call("track", made.short, "-o", "a.mcap", "--rrd", "a.rrd")
+    assert (status, out, came) == (130, "", [phase])
+    *_, last = err.splitlines()
+    assert last == "stopped"
+    assert "Traceback" not in err
+    left = {path.name for path in Path().glob("a.*")}
+    assert left <= {"a.mcap", "a.mcap.part"} | ({"a.rrd"} if phase == "print" else set())
+    for name in left - {"a.rrd"}:
+        assert len(ht.read_mcap(name)[0]) == 40
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes differ")

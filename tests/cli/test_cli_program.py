@@ -166,6 +166,27 @@ def test_compiling_says_nothing_of_what_a_part_is_made_of(capsys):
     assert [line.partition(",")[0] for line in lines] == ["compiling the smoother"]
 
 
+def test_compiling_that_lasts_says_how_far_it_is(monkeypatch, capsys):
+    from numba.core import event
+
+    now = [100.0]
+    monkeypatch.setattr(cli_progress.time, "monotonic", lambda: now[0])
+    with cli_progress.compiling_said(quiet=False):
+        now[0] += 60.0  # until the first there is nothing to be compiled
+        for i in range(9):
+            # two passes over each function
+            about = {"module": "handtrack.kernels.newton", "qualname": f"f{i // 2}"}
+            event.start_event("numba:run_pass", about)
+            event.end_event("numba:run_pass", about)
+            now[0] += 4.0
+    first, *later = capsys.readouterr().err.splitlines()
+    assert first.startswith("compiling the fitter")
+    assert later == [
+        "still compiling: 2 functions in 12 s",
+        "still compiling: 4 functions in 24 s",
+    ]
+
+
 def test_what_took_the_time_adds_up_to_the_whole(monkeypatch):
     now = [100.0]
     monkeypatch.setattr(progress.time, "perf_counter", lambda: now[0])
