@@ -8,11 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from handtrack.auditing.notes import cured_order, cured_unit
 from handtrack.errors import InputError
 from handtrack.files.pictures import pictures_in
 from handtrack.sequences.joint_order import OtherOrder
 from handtrack.sequences.load import load, load_some
+from handtrack.sequences.note import Note
 from handtrack.sequences.sequence import Sequence, unique_names
 from handtrack.sequences.size import WrongUnit
 
@@ -99,9 +99,15 @@ def _cured(path: Path, error: InputError, options: dict[str, Any]) -> list[Seque
     if path.is_dir() and not isinstance(error, WrongUnit | OtherOrder):
         raise error
     if isinstance(error, WrongUnit) and error.fits is not None and options.get("unit") is None:
-        cure, note = {"unit": str(error.fits)}, cured_unit(error.fits, str(error))
+        cure, note = (
+            {"unit": str(error.fits)},
+            Note(f"taken for another unit: read in {error.fits}; {error}", "unit"),
+        )
     elif isinstance(error, OtherOrder) and options.get("order") is None:
-        cure, note = {"order": error.order}, cured_order(error.order, str(error))
+        cure, note = (
+            {"order": error.order},
+            Note(f"another joint order: read as {error.order}; {error}", "order"),
+        )
     else:
         raise error
     try:

@@ -17,6 +17,7 @@ from handtrack.batching.clip import Clip
 from handtrack.batching.store import filesystem, is_remote, tried
 from handtrack.errors import InputError
 from handtrack.sequences.load import load
+from handtrack.sequences.note import Note
 from handtrack.sequences.readers.folder import sources
 from handtrack.sequences.sequence import Sequence
 
@@ -58,7 +59,7 @@ def read_clip(clip: Clip, reading: Mapping[str, Any]) -> Read:
             s,
             source=shown,
             subject=clip.subject or s.subject,
-            notes=tuple(note.replace(str(where), shown) for note in s.notes),
+            notes=tuple(Note.of(note).renamed(str(where), shown) for note in s.notes),
         )
         for s in sequences
     ]

@@ -25,6 +25,7 @@ from handtrack.errors import InputError, SettingsError
 from handtrack.sequences.clock_even import typical_step
 from handtrack.sequences.clock_repair import Repaired, repaired
 from handtrack.sequences.clock_text import NotTimeError, Numbers, as_numbers
+from handtrack.sequences.note import Note
 
 TimeUnit = Literal["s", "ms", "us", "ns"]
 UNIT_NS: dict[TimeUnit, int] = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
@@ -170,7 +171,7 @@ def _far(count: Indices) -> list[str]:
     if not len(steps) or steps.max() <= 1000 * max(np.median(steps), 1):
         return []
     at = int(np.argmax(steps))
-    return [f"frame numbers leap from {count[at]} to {count[at + 1]}"]
+    return [Note(f"frame numbers leap from {count[at]} to {count[at + 1]}", "time")]
 
 
 def _by_stamps(
@@ -194,10 +195,11 @@ def _by_stamps(
     time_ns, beyond = _checked_ns(values, factor, missing, path, stamps.name)
     missing = missing | beyond
     if rate is not None and len(values) > 1 and not 0.8 < rate * step * factor * 1e-9 < 1.25:
-        notes.append(
+        text = (
             f"fps is {rate:g} in the file, {stamps.name} makes"
             f" {1e9 / (step * factor):.4g} frames/s: taken as {stamps.name} says"
         )
+        notes.append(Note(text, "time"))
     made: Repaired = repaired(time_ns, missing, step * factor, numbers, stamps.name, path)
     return Clock(made.rows, made.time_ns, (*notes, *made.notes), True)
 
@@ -230,7 +232,7 @@ def _useless(read: Numbers, n: int, name: str) -> str:
     if known.size == 1:
         return f"{name} is missing in all frames but one"
     if known.min() == known.max():
-        return f"{name} is the same in every frame ({known[0]:g})"
+        return Note(f"{name} is the same in every frame ({known[0]:g})", "time")
     return ""
 
 
@@ -272,10 +274,11 @@ def _unit(
         at = "at the file's rate" if rate else f"{DEFAULT_FPS:g} frames/s assumed"
         return found, f"{name} counts frames: {at} (--fps, or --time-unit)"
     if stated is not None:
-        return found, (
+        text = (
             f"{name} in {stated} would make {_fps(step, stated):.3g} frames/s: read as {found},"
             f" {_fps(step, found):.4g} frames/s (--time-unit {stated} takes it at its word)"
         )
+        return found, Note(text, "time")
     if found == "s":
         return found, ""
     why = "by the step between frames" if found != date else "by its date"

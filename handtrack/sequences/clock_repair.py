@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from handtrack.errors import InputError
 from handtrack.sequences.clock_even import filled, spread
+from handtrack.sequences.note import Note
 
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -92,25 +93,27 @@ def repaired(
         moved = int((order != np.arange(n)).sum())
         if numbers is not None:
             numbers = numbers[order]
-        notes.append(f"{_frames(moved)} of {n} were not in order of {name}: sorted")
+        notes.append(Note(f"{_frames(moved)} of {n} were not in order of {name}: sorted", "time"))
     steps = np.diff(time_ns[~missing])
     if (steps < 0).sum() > max(3, _DISORDER * n):
         raise InputError(_disorder(name, int((steps < 0).sum()), n), path)
     if missing.any():
-        notes.append(f"{name} is missing in {_frames(int(missing.sum()))} of {n}: filled in")
+        text = f"{name} is missing in {_frames(int(missing.sum()))} of {n}: filled in"
+        notes.append(Note(text, "time"))
     stray = _strays(time_ns, missing, step)
     if stray.any():
         at = int(np.flatnonzero(stray)[0])
-        notes.append(
+        text = (
             f"{name} of {_frames(int(stray.sum()))} does not fit its neighbours (the first is"
             f" frame {at}): replaced by what lies between"
         )
+        notes.append(Note(text, "time", (at,)))
         missing = missing | stray
     time_ns, said = _joined(time_ns, missing, step, name)
     back = int((np.diff(time_ns[~missing]) < 0).sum())
     if back or len(said) > max(3, _BACKWARDS * n):
         raise InputError(_disorder(name, len(said) + back, n), path)
-    notes += said[:3] + ([f"and so at {len(said) - 3} more places"] if len(said) > 3 else [])
+    notes += [*said[:3], *([Note(f"and so at {len(said) - 3} more places")] if said[3:] else ())]
     time_ns = filled(time_ns, missing, step)
     equal = np.diff(time_ns) <= 0
     if equal.any():
@@ -196,11 +199,11 @@ def _fits_without(
     return 0 < across <= 3 * frames * step
 
 
-def _joined(time_ns: Indices, missing: Flags, step: float, name: str) -> tuple[Indices, list[str]]:
+def _joined(time_ns: Indices, missing: Flags, step: float, name: str) -> tuple[Indices, list[Note]]:
     """Times in which what follows a set clock goes on from what was before."""
     at = np.flatnonzero(~missing)
     steps = np.diff(time_ns[at])
-    notes: list[str] = []
+    notes: list[Note] = []
     by = np.zeros(len(time_ns), np.int64)
     offset, began = 0, 0
     set_at: tuple[int, int] | None = None
@@ -219,29 +222,32 @@ def _joined(time_ns: Indices, missing: Flags, step: float, name: str) -> tuple[I
         set_at = (before, offset)
         by[after] = ahead - change
         offset, began = offset + ahead - change, after
-        notes.append(f"{done} what follows is moved to go on from there")
+        notes.append(done)
     return time_ns + np.cumsum(by), notes
 
 
 def _went(
     time_ns: Indices, before: int, after: int, began: int, step: float, name: str
-) -> tuple[int, str]:
-    """How much later frame `after` is taken to be than frame `before` [ns], and why."""
+) -> tuple[int, Note]:
+    """How much later frame `after` is taken to be than frame `before` [ns], and what is said."""
     change = int(time_ns[after] - time_ns[before])
     ahead = round(step * (after - before))
+    moved = " what follows is moved to go on from there"
     if change > 0:
-        return ahead, f"{name} leaps by {_duration(change)} at frame {after}: the clock was set;"
+        said = f"{name} leaps by {_duration(change)} at frame {after}: the clock was set;{moved}"
+        return ahead, Note(said, "time", (after,))
     past_midnight = change + DAY_NS
     if abs(past_midnight) < max(10 * step, PAUSE_NS):
         passes = past_midnight if past_midnight > 0 else ahead
-        return passes, f"{name} passes midnight at frame {after}:"
+        return passes, Note(f"{name} passes midnight at frame {after}:{moved}")
     if abs(int(time_ns[after]) - int(time_ns[began])) <= 2 * step * (1 + after - before):
-        restart = f"{name} starts again at frame {after}: several clips in one file?"
-        return max(ahead, PAUSE_NS), restart
-    return ahead, (
+        restart = f"{name} starts again at frame {after}: several clips in one file?{moved}"
+        return max(ahead, PAUSE_NS), Note(restart)
+    said = (
         f"{name} goes back by {_duration(-change)} at frame {after}: the clock was set, or several"
-        " clips are in one file;"
+        f" clips are in one file;{moved}"
     )
+    return ahead, Note(said, "time", (after,))
 
 
 def _leap(step: float) -> float:
@@ -249,15 +255,16 @@ def _leap(step: float) -> float:
     return max(20 * step, 1e9)
 
 
-def _repeats(time_ns: Indices, missing: Flags, name: str) -> str:
+def _repeats(time_ns: Indices, missing: Flags, name: str) -> Note:
     equal = np.diff(time_ns) <= 0
     n, repeats = len(time_ns), int(equal.sum())
     said = f"{name} is repeated in {_frames(repeats)} of {n}: spread over the time to the next"
-    if repeats <= _NAMED:
-        said += f" (frame {', '.join(map(str, np.flatnonzero(equal) + 1))})"
+    named = (np.flatnonzero(equal) + 1).tolist() if repeats <= _NAMED else []
+    if named:
+        said += f" (frame {', '.join(map(str, named))})"
     if n >= 8 and n % 2 == 0 and equal[::2].all() and not equal[1::2].any():
         said += " (every stamp stands twice: two hands in one?)"
-    return said
+    return Note(said, "time", tuple(named))
 
 
 def _gaps(time_ns: Indices, step: float) -> list[str]:

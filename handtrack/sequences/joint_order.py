@@ -10,6 +10,7 @@ import numpy as np
 from handtrack.errors import InputError, SettingsError
 from handtrack.files.long_arrays import rows_of
 from handtrack.hand.skeleton import JOINT_NAMES, N_JOINTS, ORDER_JOINTS, ORDERS
+from handtrack.sequences.note import Note
 from handtrack.sequences.readers.raw import Array, Raw
 from handtrack.sequences.skeleton_check import (
     Picks,
@@ -223,7 +224,7 @@ def _doubts(raw: Raw, reading: Reading, order: str | None) -> list[str]:
                 cure,
                 raw.path,
             )
-        return [f"{text}: is it --order {cure}?"]
+        return [Note(f"{text}: is it --order {cure}?", "order")]
     chance = beyond_chance(joints, reading.picks)
     none = f"joints in the order {reading.name} are no hand's: their bones"
     if chance < _HOPELESS and own > _ABSURD and frames >= _FEW:
@@ -236,5 +237,6 @@ def _doubts(raw: Raw, reading: Reading, order: str | None) -> list[str]:
     if folded:
         return [f"the bones fold back at {', '.join(folded)}: is --order {reading.name} right?"]
     if chance < _CHANCE or own > _NO_HAND:
-        return [f"{none} hardly fit better than those of a random order: is --order right?"]
+        text = f"{none} hardly fit better than those of a random order: is --order right?"
+        return [Note(text, "order")]
     return []

@@ -20,6 +20,7 @@ from handtrack.sequences.assemble import (
 )
 from handtrack.sequences.clips import clips_of
 from handtrack.sequences.hands import CHOICES, HandChoice, label_hands
+from handtrack.sequences.note import Note
 from handtrack.sequences.places import put_in_place
 from handtrack.sequences.readers import packed
 from handtrack.sequences.readers.chosen import read_chosen
@@ -332,7 +333,7 @@ def _from_zip(
             replace(
                 s,
                 source=s.source.replace(inside, str(path)),
-                notes=tuple(n.replace(inside, str(path)) for n in s.notes),
+                notes=tuple(Note.of(n).renamed(inside, str(path)) for n in s.notes),
             )
             for s in found
         ]

@@ -11,6 +11,7 @@ from handtrack.errors import InputError
 from handtrack.files.long_arrays import by_blocks, rows_of
 from handtrack.hand.skeleton import BASES, PARENTS
 from handtrack.hand.units import METRES, METRIC, Unit
+from handtrack.sequences.note import Note
 from handtrack.sequences.readers.raw import Array
 from handtrack.sequences.some_frames import some_frames
 
@@ -124,7 +125,7 @@ def check_sizes(hands: list[Array], units: list[Unit], path: Path) -> list[str |
         doubt = (
             f"the palm is {palm * 1e3:.0f} mm long, an adult's is 75 to 110: is the scale right?"
         )
-        notes.append(None if usual else doubt)
+        notes.append(None if usual else Note(doubt, "unit"))
     return notes
 
 

@@ -85,7 +85,7 @@ def track_joints(
         subject=sequence.subject,
         has_truth=sequence.truth is not None,
     )
-    events = [Event(int(sequence.time_ns[0]), "warning", note) for note in notes]
+    events = [Event(int(sequence.time_ns[0]), "warning", str(note)) for note in notes]
     if progress is not None:
         progress(0)
     happened, made, done = EventsOf(), LongTrack(), 0
