@@ -40,10 +40,11 @@ _HELD_OUT = {
     "holdout5": (320, 0.0, 7000),
     "holdout6": (440, 0.6, 8000),
     "holdout7": (560, 0.35, 9000),
+    "holdout8": (680, 0.85, 10000),
 }
-SPLITS = ("tune", "holdout", "holdout2", "holdout3", "holdout4", "holdout5", "holdout6")
+SPLITS = ("tune", *tuple(_HELD_OUT)[:-1])
 """What is measured."""
-NEXT = "holdout7"
+NEXT = tuple(_HELD_OUT)[-1]
 """Held out for the next time: planned, and not drawn yet."""
 
 
