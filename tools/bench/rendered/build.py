@@ -28,7 +28,7 @@ SAMPLE = ROOT / "recordings" / "sample.npz"
 LENGTHS = (60, 60, 75, 90, 120)
 LEARN = "learn"
 """Clips of many people, which profiles are made of and no method is measured on."""
-_LEARNERS = range(5, 40)
+_LEARNERS = range(5, 100)
 CAMERAS = 3
 GENERATED = "generated"
 # of the splits that are held out: first subject, part of the sample, first seed
