@@ -134,13 +134,18 @@ def _tables(options: argparse.Namespace) -> None:
     from tools.bench.rendered.cases import cases
     from tools.bench.rendered.ladder import ladder, uncertainty, write_table
 
-    def some(split: str, step: int) -> list[Case]:
-        return [c for clip in read_folder(DATA / split)[::step] for c in cases(clip)]
+    def some(split: str, step: int) -> tuple[list[Case], list[Case]]:
+        """Every so many of the clips, and all others."""
+        given = [list(cases(clip)) for clip in read_folder(DATA / split)]
+        rest = [case for i, of in enumerate(given) if i % step for case in of]
+        return [case for of in given[::step] for case in of], rest
 
     if options.which == "ladder":
-        found = ladder(some("tune", 5), _learnt_from())
+        measured, rest = some("tune", 5)
+        found = ladder(measured, [*rest, *_learnt_from()])
     else:
-        found = uncertainty(some("tune", 7), _learnt_from(), some(SPLITS[-1], 2))
+        measured, rest = some("tune", 7)
+        found = uncertainty(measured, [*rest, *_learnt_from()], some(SPLITS[-1], 2)[0])
     write_table(found, options.out)
 
 
