@@ -250,7 +250,9 @@ def _log_distances(joints: Array) -> Array:
         return np.zeros((0, joints.shape[1], joints.shape[1]))
     x = rows_of(joints, frames)
     x = np.where(np.abs(x) < HUGE, x, np.nan)
-    apart = np.linalg.norm(x[:, :, None] - x[:, None], axis=-1)
+    # an array for each axis: sums over a last axis of three take many times as long
+    square = [np.square(one[:, :, None] - one[:, None]) for one in np.moveaxis(x, 2, 0).copy()]
+    apart = np.sqrt(square[0] + square[1] + square[2])
     size = median(apart.reshape(len(x), -1), 1)[:, None, None]
     # joints at one place are no bone, but no reason to leave it out either
     apart = np.where((apart == 0) & (size > 0), _NOTHING * size, apart)
@@ -259,46 +261,57 @@ def _log_distances(joints: Array) -> Array:
     return out
 
 
-def _misfits(logs: Array, orders: NDArray[np.int64]) -> Array:
+def _misfits(logs: Array, orders: NDArray[np.int64], worth: float = np.inf) -> Array:
     """(K,) misfits of orders (K, 21): means of heavy-tailed costs, so that strays count little.
 
-    A frame's scale is its own: the bones of one camera's detections breathe together.
+    A frame's scale is its own: the bones of one camera's detections breathe together. Infinite
+    where proportions alone make one of at least `worth`.
     """
     if not len(logs):
         return np.full(len(orders), np.nan)
     by_pair = np.ascontiguousarray(logs.transpose(1, 2, 0))
     parts = [orders[k : k + _AT_ONCE] for k in range(0, len(orders), _AT_ONCE)]
-    return np.concatenate([_misfits_of_few(by_pair, part) for part in parts])
+    return np.concatenate([_misfits_of_few(by_pair, part, worth) for part in parts])
 
 
-def _misfits_of_few(logs: Array, orders: NDArray[np.int64]) -> Array:
+def _misfits_of_few(logs: Array, orders: NDArray[np.int64], worth: float) -> Array:
     """(K,) as `_misfits`, from logs (N, N, F)."""
     known = _lengths()
     a, b = orders[:, known.pairs[:, 0]], orders[:, known.pairs[:, 1]]
-    x = logs[a, b] - known.log_length[:, None]
+    x = logs[a, b]
+    x -= known.log_length[:, None]
     x[(a < 0) | (b < 0)] = np.nan
-    x -= median(x[:, known.rigid], 1)[:, None]
+    rigid = slice(int(known.rigid.sum()))  # the first ones
+    x -= median(x[:, rigid], 1)[:, None]
     typical = median(x, 2)
-    return _cost(typical, 1.4826 * median(np.abs(x - typical[..., None]), 2))
+    cost = np.log1p(np.square(typical / known.tolerance) / 2)
+    found = _mean_cost(cost)
+    # what only changes makes it worse
+    left = ~(found >= worth)
+    found[~left] = np.inf
+    x, typical, cost = x[left][:, rigid], typical[left][:, rigid], cost[left]
+    spread = 1.4826 * median(np.abs(x - typical[..., None]), 2)
+    cost[:, rigid] += np.log1p(np.square(spread / _CONSTANT) / 2)
+    found[left] = _mean_cost(cost)
+    return found
 
 
 def _fair_misfits(logs: Array, orders: NDArray[np.int64]) -> Array:
     """(K,) misfits of orders (K, 21), NaN for one that sets more bones to joints never seen than
-    the first: what is not seen fits anything."""
+    the first: what is not seen fits anything. Infinite for one that is clearly worse than it."""
     known = _lengths()
     a, b = orders[:, known.pairs[:, 0]], orders[:, known.pairs[:, 1]]
     seen = np.asarray(np.isfinite(logs).any(axis=0))
     unseen = ((a >= 0) & (b >= 0) & ~seen[a, b]).sum(1)
-    return np.where(unseen <= unseen[0], _misfits(logs, orders), np.nan)
+    own = _misfits(logs, orders[:1])
+    others = _misfits(logs, orders[1:], float(own[0])) if len(orders) > 1 else own[1:]
+    return np.where(unseen <= unseen[0], np.concatenate([own, others]), np.nan)
 
 
-def _cost(off: Array, spread: Array) -> Array:
-    """(K,) from how far log lengths (K, P) are off an adult's, and how much they change."""
-    known = _lengths()
-    cost = np.log1p(np.square(off / known.tolerance) / 2)
-    cost += np.where(known.rigid, np.log1p(np.square(spread / _CONSTANT) / 2), 0.0)
+def _mean_cost(cost: Array) -> Array:
+    """(K,) means of the costs (K, P) of pairs; NaN where too few of bones and palm are seen."""
     seen = np.isfinite(cost)
-    count = (seen & known.rigid).sum(1)
+    count = (seen & _lengths().rigid).sum(1)
     total = np.where(seen, cost, 0.0).sum(1)
     return np.where(count >= 8, total / np.maximum(count, 1), np.nan)
 
