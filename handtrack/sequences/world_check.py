@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.errors import InputError
-from handtrack.files.long_arrays import rows_of
+from handtrack.files.long_arrays import by_blocks, rows_of
 from handtrack.hand.skeleton import BONES
 from handtrack.sequences.readers.pictures import FIT_IN_2D
 from handtrack.sequences.readers.raw import Array
@@ -111,7 +111,7 @@ def _picture(x: Array) -> str | None:
 
 def about_the_wrist(joints: Array) -> str | None:
     """What is to be said of joints (T, 21, 3) about the wrist, whose unit nobody states."""
-    wrist = joints[:, 0]
+    wrist = by_blocks(lambda part: part[:, 0].copy(), joints)
     there = wrist[np.isfinite(wrist).all(-1)]
     if not len(there) or there.any():
         return None

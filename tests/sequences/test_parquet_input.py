@@ -14,6 +14,7 @@ from pyarrow import parquet
 import handtrack as ht
 from handtrack.errors import HandtrackError
 from handtrack.hand.skeleton import JOINT_NAMES
+from handtrack.sequences.readers import parquet_file
 
 
 @pytest.fixture(scope="module")
@@ -135,3 +136,31 @@ def test_what_is_refused_says_why(joints: np.ndarray, tmp_path: Path) -> None:
     uneven = write(tmp_path / "uneven.parquet", state=pa.array([[1.0] * 63, [2.0] * 60]))
     with pytest.raises(HandtrackError, match="no column of 63"):
         ht.load(uneven)
+
+
+@pytest.mark.parametrize("kind", ["lists", "lists of lists", "fixed", "uneven", "a row missing"])
+def test_long_lists_are_read_in_batches(
+    joints: np.ndarray, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = joints if kind == "lists of lists" else joints.reshape(len(joints), 63)
+    given: list[Any] = rows.tolist()
+    if kind == "uneven":
+        given[-1] = given[-1][:60]
+    if kind == "a row missing":
+        given[-2] = None
+    column = pa.array(given, pa.list_(pa.float64(), 63)) if kind == "fixed" else pa.array(given)
+    table = pa.table({"state": column, "timestamp": np.arange(len(given)) / 30})
+    path = tmp_path / "a.parquet"
+    parquet.write_table(table, path, row_group_size=7)
+    read: list[Any] = []
+    for batch in (5, 10**6):
+        monkeypatch.setattr(parquet_file, "_BATCH", batch)
+        try:
+            (one,) = ht.load(path)
+            read.append((one.joints.tobytes(), one.time_ns.tobytes(), one.notes))
+        except HandtrackError as error:
+            read.append(str(error))
+    assert read[0] == read[1]
+    assert isinstance(read[0], str) == (kind == "uneven")
+    if kind not in ("uneven", "a row missing"):
+        assert read[0][0] == joints.tobytes()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -50,33 +51,66 @@ def rows_of_lists(table: pyarrow.Table, name: str, path: Path) -> NDArray[np.flo
     return out
 
 
+def rows_in_batches(
+    batches: Iterable[pyarrow.RecordBatch], names: list[str], path: Path
+) -> dict[str, NDArray[np.float64]] | None:
+    """(rows, numbers) of columns of lists, taken some rows at a time; None where a column's are
+    not all there and of one length.
+
+    Raises:
+        InputError: an infinite number.
+    """
+    made: dict[str, Growing] = {}
+    for batch in batches:
+        for name in names:
+            values = _even_values(batch.column(name))
+            if values is None:
+                return None
+            grown = made.setdefault(name, Growing(values.shape[1:]))
+            if grown.shape != values.shape[1:]:
+                return None
+            _add(grown, values, name, path)
+    return {name: grown.whole() for name, grown in made.items()}
+
+
 def _even(column: Any, name: str, path: Path) -> NDArray[np.float64] | None:
     """(rows, numbers) of lists that all are there and as long as the first; None of others."""
-    from pyarrow import compute
-
     made: Growing | None = None
     for chunk in column.chunks:
-        flat = chunk
-        while is_list(flat.type):
-            flat = flat.flatten()
-        width = len(flat) // max(len(chunk), 1)
-        if chunk.null_count or flat.null_count or len(chunk) * width != len(flat):
+        values = _even_values(chunk)
+        if values is None:
             return None
-        if not is_of_width(chunk.type, width):
-            if is_list(chunk.type.value_type):
-                return None
-            least_most = compute.min_max(compute.list_value_length(chunk)).as_py()
-            if len(chunk) and set(least_most.values()) != {width}:
-                return None
-        values = np.asarray(flat).reshape(len(chunk), width)
-        made = Growing((width,)) if made is None else made
-        if made.shape != (width,):
+        made = Growing(values.shape[1:]) if made is None else made
+        if made.shape != values.shape[1:]:
             return None
-        for part in blocks(len(chunk)):
-            if np.isinf(values[part]).any():
-                raise InputError(f"column {shown(name, 40)} holds an infinite number", path)
-            made.append(values[part])
+        _add(made, values, name, path)
     return None if made is None else made.whole()
+
+
+def _even_values(chunk: Any) -> NDArray[Any] | None:
+    """(rows, numbers) of an Arrow array of lists; None where they are not all of one length."""
+    from pyarrow import compute
+
+    flat = chunk
+    while is_list(flat.type):
+        flat = flat.flatten()
+    width = len(flat) // max(len(chunk), 1)
+    if chunk.null_count or flat.null_count or len(chunk) * width != len(flat):
+        return None
+    if not is_of_width(chunk.type, width):
+        if is_list(chunk.type.value_type):
+            return None
+        least_most = compute.min_max(compute.list_value_length(chunk)).as_py()
+        if len(chunk) and set(least_most.values()) != {width}:
+            return None
+    return np.asarray(flat).reshape(len(chunk), width)
+
+
+def _add(made: Growing, values: NDArray[Any], name: str, path: Path) -> None:
+    for part in blocks(len(values)):
+        if np.isinf(values[part]).any():
+            raise InputError(f"column {shown(name, 40)} holds an infinite number", path)
+        made.append(values[part])
 
 
 def _flat(value: Any) -> list[Any]:

@@ -28,7 +28,7 @@ from handtrack.sequences.readers import text_table
 from handtrack.sequences.readers.arrow_types import is_flat, is_list, is_plain
 from handtrack.sequences.readers.both_hands import two_hands
 from handtrack.sequences.readers.catalogue import Format, Way
-from handtrack.sequences.readers.list_columns import rows_of_lists
+from handtrack.sequences.readers.list_columns import rows_in_batches, rows_of_lists
 from handtrack.sequences.readers.long_text import DiffersError, Whole, join
 from handtrack.sequences.readers.raw import NotJointsError, Raw, as_fps, stem, take_rows
 from handtrack.sequences.readers.table_held import as_held
@@ -74,12 +74,30 @@ def read_parquet(path: Path) -> list[Raw]:
                 raw.hand = raw.hand or hand
             return raws
         plain = [f.name for f in schema if not is_list(f.type) and is_plain(f.type, pyarrow)]
-        table = file.read(columns=[*lists, *plain])
+        table, arrays = file.read(columns=plain), _lists(file, lists, path)
         hand = as_side((schema.metadata or {}).get(b"hand", b"").decode("utf-8", "replace"))
-    raws = _episodes(table, lists, path)
+    raws = _episodes(table, arrays, path)
     for raw in raws:
         raw.hand = raw.hand or hand
     return raws
+
+
+def _batches(file: Any, columns: list[str] | None = None) -> Iterator[pyarrow.RecordBatch]:
+    """Some rows at a time, of one group after another: asked for all it holds the whole file."""
+    for group in range(file.num_row_groups):
+        yield from file.iter_batches(_BATCH, row_groups=[group], columns=columns)
+
+
+def _lists(file: Any, names: list[str], path: Path) -> dict[str, NDArray[np.float64] | None]:
+    """(rows, numbers) of columns of lists, of a long table some rows at a time; None of lists that
+    are not of one length."""
+    found = None
+    if file.metadata.num_rows > _BATCH:
+        found = rows_in_batches(_batches(file, names), names, path)
+    if found is not None:
+        return {**found}
+    table = file.read(columns=names)
+    return {name: rows_of_lists(table, name, path) for name in names}
 
 
 @contextmanager
@@ -115,7 +133,7 @@ def _in_batches(file: Any, path: Path) -> list[Raw] | None:
 
     kept: list[Whole] = []
     hand = None
-    for batch in file.iter_batches(_BATCH):
+    for batch in _batches(file):
         table, hand = _of_export(pyarrow.Table.from_batches([batch]))
         held = as_held(table.select([f.name for f in table.schema if is_flat(f.type)]), path, 1)
         try:
@@ -147,10 +165,11 @@ def _of_export(table: pyarrow.Table) -> tuple[pyarrow.Table, Any]:
     return table.select([*keep, *observed]), as_side(str(hand))
 
 
-def _episodes(table: pyarrow.Table, lists: list[str], path: Path) -> list[Raw]:
+def _episodes(
+    table: pyarrow.Table, arrays: dict[str, NDArray[np.float64] | None], path: Path
+) -> list[Raw]:
     """The hands of each episode, in the order of the rows."""
     info = _info(path)
-    arrays = {name: rows_of_lists(table, name, path) for name in lists}
     joints = {n: v for n, v in arrays.items() if v is not None and v.shape[1] in _WIDTHS}
     # what a robot was told is no hand that was seen
     observed = {n: v for n, v in joints.items() if not n.startswith("action")} or joints

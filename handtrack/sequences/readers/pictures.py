@@ -50,13 +50,14 @@ def seen_in_picture(raw: Raw, normalised: bool = False) -> Raw:
 def _deep_at_the_wrist(joints: Array, whole: NDArray[np.bool_]) -> bool:
     """Whether the wrist's depth is something over all that joints (T, N, 3) extend to."""
     n = joints.shape[1] * 3  # long rows are quick to go through
-    low, high = np.full(n, np.inf), np.full(n, -np.inf)
+    low, high, deepest = np.full(n, np.inf), np.full(n, -np.inf), 0.0
     for part in blocks(len(joints)):
         rows = joints[part].reshape(-1, n)
         low = np.fmin(low, np.fmin.reduce(rows, axis=0))
         high = np.fmax(high, np.fmax.reduce(rows, axis=0))
+        deepest = np.abs(joints[part, 0, 2][whole[part]]).max(initial=deepest)
     extent = np.fmax.reduce(high.reshape(-1, 3)) - np.fmin.reduce(low.reshape(-1, 3))
-    return bool(np.abs(joints[whole, 0, 2]).max() >= AT_ZERO * extent.max())
+    return bool(deepest >= AT_ZERO * extent.max())
 
 
 def flat(raw: Raw) -> Raw:
