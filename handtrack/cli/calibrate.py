@@ -101,9 +101,14 @@ def calibrate(
 
         found |= explain(hand, fitted).summary()
         doubtful = doubt(found)
+        several, drift = len(sequences) > 1, found.get("drift_mm")
         if doubtful is not None:
-            one = "; or are the clips of different people?" if len(sequences) > 1 else ""
-            notes = [*notes, doubtful + one]
+            notes = [
+                *notes,
+                doubtful + ("; or are the clips of different people?" if several else ""),
+            ]
+        elif several and isinstance(drift, list) and min(drift, default=0.0) > _DRIFT_MM:
+            notes = [*notes, _OTHERS]
         bound = found["bound_mean_mm"]
         if isinstance(bound, float) and bound < _RIGID_MM:
             notes = [*notes, _OF_A_FIT]
@@ -128,6 +133,12 @@ def calibrate(
         click.echo(f"-> {output}")
 
 
+# clips of one person: at most 2.1 mm of the clip that drifts least, of eight pools of real ones
+_DRIFT_MM = 3.0
+_OTHERS = (
+    "bones of every clip have other lengths than the hand that all share: are the clips of"
+    " different people?"
+)
 _RIGID_MM = 0.01
 _OF_A_FIT = (
     "the joints are those of a rigid hand without noise, as where a hand was fitted to pictures"

@@ -41,6 +41,21 @@ def test_clips_of_different_people_are_doubted(clips, tmp_path, capsys):
     assert capsys.readouterr().err == ""
 
 
+def test_other_fingers_are_doubted_though_noise_hides_them(clips, tmp_path, capsys):
+    """The residual is not twice what rigid bones leave, for noise is in both."""
+    rng = np.random.default_rng(6)
+    for name, longer in (("short", 1.0), ("long", 1.25)):
+        joints = np.load(clips / "a.npz")["joints_m"].copy()
+        for base in (5, 9, 13, 17):
+            finger = joints[:, base + 1 : base + 4]
+            finger += (longer - 1.0) * (finger - joints[:, base, None])
+        noisy = joints + 0.002 * rng.normal(size=joints.shape)
+        np.savez(tmp_path / f"{name}.npz", joints_m=noisy, fps=30.0, hand="right")
+    short, long = (str(tmp_path / f"{name}.npz") for name in ("short", "long"))
+    assert run(["calibrate", short, long, "-o", str(tmp_path / "h.json")]) == 0
+    assert "warning: bones of every clip have other lengths" in capsys.readouterr().err
+
+
 def test_clips_make_a_hand_that_tracks(clips, tmp_path, capsys):
     hand, out = tmp_path / "hand.json", tmp_path / "b.mcap"
     assert run(["calibrate", str(clips / "a.npz"), str(clips / "b.npz"), "-o", str(hand)]) == 0

@@ -10,6 +10,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -236,6 +237,22 @@ def test_its_links_lead_somewhere(document: Path) -> None:
         made = link.startswith(("../reference/", "../commands/", "reference/", "commands/"))
         shown = SITE.parents[1] / link.removeprefix("../")  # the site has recordings/ beside it
         assert made or (document.parent / link).is_file() or shown.is_file(), link
+
+
+def test_what_contributors_are_told_to_type_is_there() -> None:
+    """Its lines install, and test and build all: what they name is looked for, not run."""
+    (told,) = blocks(ROOT / ".github" / "CONTRIBUTING.md")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    known = project["optional-dependencies"]
+    (extras,) = re.findall(r"\.\[([\w,]+)\]", told.text)
+    assert set(extras.split(",")) <= set(known)
+    installed = {re.split(r"\W", name)[0] for extra in extras.split(",") for name in known[extra]}
+    programs = set(re.findall(r"\.venv/bin/([\w-]+)", told.text))
+    assert programs - {"pip", "python"} <= installed
+    for folder in re.findall(r"\btests/\w+", told.text):
+        assert (ROOT / folder).is_dir(), folder
+    for module in re.findall(r"-m (tools[\w.]+)", told.text):
+        assert importlib.util.find_spec(module), module
 
 
 # --- the README
