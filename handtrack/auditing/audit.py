@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from handtrack.auditing.bones import bone_findings, limit_findings, shape_findings, side_findings
+from handtrack.auditing.exchanges import exchange_findings
 from handtrack.auditing.findings import KINDS, Audited, Finding, merged
 from handtrack.auditing.motion import jump_findings, time_findings
 from handtrack.auditing.notes import note_findings
@@ -18,7 +19,14 @@ from handtrack.sequences.identity import repair_identity
 from handtrack.sequences.sequence import Sequence
 
 _CHECKS = (
-    *(shape_findings, side_findings, time_findings, frozen_findings, jump_findings),
+    *(
+        shape_findings,
+        exchange_findings,
+        side_findings,
+        time_findings,
+        frozen_findings,
+        jump_findings,
+    ),
     *(shake_findings,),
     *(bone_findings, limit_findings, note_findings),
 )

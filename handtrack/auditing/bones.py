@@ -56,6 +56,8 @@ _BLOCK = 4000
 
 _JUMP, _JUMP_SPREADS = 0.15, 8.0
 """A bone that is so much longer or shorter than it was (logarithm), and beyond its noise."""
+_FLASH, _FLASH_SPREADS = 0.12, 5.0
+"""The same of one that is so for a few frames, beside those around them."""
 _BREATH = 0.04
 """Slow changes of the hand's size, or of one bone's, that are let pass."""
 _SIZED, _SIZE = 7, 0.06
@@ -80,19 +82,9 @@ def bone_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
     off = logs - median(logs, 0) - size
     numbers["bones_percent"] = 100 * float(nan_mean(np.expm1(robust_deviation(off))))
     numbers["size_percent"] = 100 * float(np.expm1(robust_deviation(size)[0]))
-    most = np.maximum(_JUMP, _JUMP_SPREADS * robust_deviation(off))
-    jumps = np.abs(off - slow(off)) > most
-    if jumps.any():
-        t, b = np.unravel_index(
-            int(np.nanargmax(np.where(jumps, np.abs(off) / most, 0))), off.shape
-        )
-        yield Finding(
-            "bone jumps",
-            f"a bone changes its length by {100 * float(np.expm1(np.abs(off[t, b]))):.0f} % in a"
-            f" frame; noise explains {100 * float(np.expm1(most[b])):.0f} %",
-            _of_bones(jumps),
-            float(np.abs(off[t, b]) / most[b]),
-        )
+    yield from _jumps(off - slow(off), np.maximum(_JUMP, _JUMP_SPREADS * robust_deviation(off)))
+    beside = off - _beside(off)
+    yield from _jumps(beside, np.maximum(_FLASH, _FLASH_SPREADS * _noise_of(beside, s.joints)))
     breath = np.abs(slow(off)), np.abs(slow(size))
     # the whole hand's size is of so many bones that it needs no long window
     breath = breath[0], np.fmax(breath[1], np.abs(slow(size, _SIZED)) * (_BREATH / _SIZE))
@@ -110,6 +102,37 @@ def bone_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
             marks,
             worst / _BREATH,
         )
+
+
+def _jumps(off: Array, most: Array) -> Iterator[Finding]:
+    """Bones that are longer or shorter by `off` (T, 20) than noise makes them (20,)."""
+    jumps = np.abs(off) > most
+    if not jumps.any():
+        return
+    t, b = np.unravel_index(int(np.nanargmax(np.where(jumps, np.abs(off) / most, 0))), off.shape)
+    yield Finding(
+        "bone jumps",
+        f"a bone changes its length by {100 * float(np.expm1(np.abs(off[t, b]))):.0f} % in a"
+        f" frame; noise explains {100 * float(np.expm1(most[b])):.0f} %",
+        _of_bones(jumps),
+        float(np.abs(off[t, b]) / most[b]),
+    )
+
+
+def _beside(x: Array) -> Array:
+    """Median (T, n) of the three frames before and the three after each."""
+    padded = np.concatenate([np.full((3, x.shape[1]), np.nan), x, np.full((3, x.shape[1]), np.nan)])
+    return median(np.stack([padded[i : i + len(x)] for i in (0, 1, 2, 4, 5, 6)]), 0)
+
+
+def _noise_of(off: Array, joints: Array) -> Array:
+    """(20,) deviation of each bone's logarithm, no less than the joints' usual noise makes it:
+    few frames do not tell it well."""
+    own = robust_deviation(off)
+    usual = median(bone_lengths(joints), 0)
+    shared = median((own * usual)[:, None], 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.fmax(own, shared / usual))
 
 
 def shape_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:

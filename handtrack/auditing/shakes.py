@@ -8,9 +8,10 @@ import numpy as np
 
 from handtrack.auditing.bones import marked_runs, slow
 from handtrack.auditing.findings import Finding, Marks
-from handtrack.evaluation.arrays import Array, lengths
+from handtrack.evaluation.arrays import Array, lengths, nan_mean
 from handtrack.evaluation.motion import gaps_between
 from handtrack.evaluation.shake import bends, followed, palm_motion, shake_values
+from handtrack.hand.skeleton import N_JOINTS, PALM
 from handtrack.sequences.sequence import Sequence
 from handtrack.sequences.skeleton_check import median
 
@@ -23,6 +24,11 @@ _STRONG_MM = 2.5
 """More than that is a shake however fast."""
 _WHILE, _LEAST = 15, 10
 """Frames that a passing shake is the median over, and that it lasts at least."""
+_FINGERS_MM, _CARRIED = 1.0, 1.5
+"""White noise of the fingers' joints along an axis beyond what the palm's makes them, seen in the
+palm's frame, that is let pass; and that share."""
+_PALM_LOSES = 18 / 12
+"""Six of the palm's 18 coordinates are its place and turn."""
 _ONE_DEG, _TIMES = 6.0, 2.5
 """One finger's shake, where it is so many times that of the middle one."""
 
@@ -44,6 +50,7 @@ def shake_findings(s: Sequence, numbers: dict[str, float]) -> Iterator[Finding]:
     marks = _lasting(around[:, 2] > _SHAKE_DEG) | (
         (numbers["shake_fingers_deg"] > _SHAKE_DEG) & (fingers > _SHAKE_DEG)
     )
+    yield from _unlike_the_palm(s, palm, broken, numbers)
     single = _single(s, broken)
     marked = np.zeros(s.present.shape, dtype=bool)
     for f in range(5):
@@ -86,6 +93,42 @@ def _white(x: Array, broken: Marks) -> Array:
     out = np.full(len(x), np.nan)
     if len(x) > 3:
         out[1:-2] = lengths(np.diff(x, 3, axis=0)) / np.sqrt(20)
+        out[1:-2][np.lib.stride_tricks.sliding_window_view(broken, 3).any(1)] = np.nan
+    return out
+
+
+def _unlike_the_palm(
+    s: Sequence, palm: tuple[Array, Array], broken: Marks, numbers: dict[str, float]
+) -> Iterator[Finding]:
+    """Fingers that shake more, all through, than what shakes the palm's joints would make them:
+    noise that is alike in all joints is no shake of the fingers."""
+    middle, turns = palm
+    inside = np.einsum("tji,tkj->tki", turns, s.joints - middle[:, None])
+    free = np.setdiff1d(np.arange(N_JOINTS), PALM)
+    square = 1e6 * _fast_squares(inside, broken)
+    own = _CARRIED**2 * _PALM_LOSES * square[:, list(PALM)].mean(1)
+    fingers = square[:, free]
+    beside = median(own, 0)
+    excess = float(np.sqrt(np.maximum(median(fingers.mean(1), 0) - beside, 0.0)))
+    numbers["shake_fingers_mm"] = excess
+    # a joint alone is over few numbers: its mean is of all frames
+    shaken = nan_mean(fingers, 0) - nan_mean(own[:, None], 0) > _FINGERS_MM**2
+    marks = np.zeros(s.present.shape, dtype=bool)
+    marks[:, free] = shaken & s.present[:, free]
+    if excess > _FINGERS_MM and marks.any():
+        text = (
+            f"the fingers' joints shake by {excess:.2g} mm an axis beyond what the palm's do, all"
+            f" through; {_FINGERS_MM:g} is let pass"
+        )
+        yield Finding("fingers shake", text, marks, excess / _FINGERS_MM)
+
+
+def _fast_squares(x: Array, broken: Marks) -> Array:
+    """(T, n) variance along an axis [m^2] of the white noise that makes the third differences of
+    points (T, n, 3)."""
+    out = np.full(x.shape[:2], np.nan)
+    if len(x) > 3:
+        out[1:-2] = np.square(np.diff(x, 3, axis=0)).mean(2) / 20
         out[1:-2][np.lib.stride_tricks.sliding_window_view(broken, 3).any(1)] = np.nan
     return out
 

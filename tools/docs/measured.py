@@ -22,6 +22,7 @@ def tables() -> dict[str, str]:
         "lasting_noise": as_kept("lasting_noise"),
         "lasting_unknown": as_kept("lasting_unknown"),
         "real_motion": as_kept("real_motion"),
+        "audit_found": audit_found(),
         "uncertainty": as_kept("uncertainty"),
         "reading": as_kept("reading"),
         **performance(),
@@ -101,6 +102,19 @@ def as_kept(name: str) -> str:
     """A table of a study's run, as its numbers are kept."""
     found = numbers(name)
     return table(found["head"], found["rows"])
+
+
+def audit_found() -> str:
+    """Faults put into clips that no threshold was set on: how many are found, and the clean."""
+    found = numbers("audit")
+    rows = [[name, f"{count} of {found['clips']}"] for name, count in found["found"].items()]
+    for name, by_noise in found["found_by_noise"].items():
+        if found["found"][name] < 0.95 * found["clips"]:
+            rows += [[f"the same, white noise of {mm} mm", n] for mm, n in by_noise.items()]
+    share = 100 * found["marked"] / found["clean_frames"]
+    marked = f"{found['marked']} of {found['clean_frames']:,} frames ({share:.2f} %)"
+    rows.append(["none: what is marked of the clean clips", marked])
+    return table(["fault put in", "found"], rows)
 
 
 def methods() -> str:
