@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import handtrack as ht
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import vector_to_matrix
-from handtrack.hand.skeleton import BASES
+from handtrack.hand.skeleton import BASES, HANDS, Hand
 
 Made = tuple[ht.Sequence, list[int]]
 Fault = Callable[[ht.Sequence, np.random.Generator], Made]
@@ -20,10 +20,10 @@ Fault = Callable[[ht.Sequence, np.random.Generator], Made]
 N = 240
 
 
-def clean(seed: int, noise_mm: float = 0.7, hand: str | None = None) -> ht.Sequence:
+def clean(seed: int, noise_mm: float = 0.7, hand: Hand | None = None) -> ht.Sequence:
     """A hand that moves, turns and flexes, with a little noise."""
     rng = np.random.default_rng(seed)
-    hand = hand or ("left", "right")[seed % 2]
+    hand = hand or HANDS[seed % 2]
     t = np.arange(N)[:, None] / 30
     waves = np.sin(2 * np.pi * t * rng.uniform(0.1, 0.5, 26) + rng.uniform(0, 6, 26))
     angles = np.full((N, 20), 0.0)
@@ -38,7 +38,8 @@ def clean(seed: int, noise_mm: float = 0.7, hand: str | None = None) -> ht.Seque
 
 def with_joints(s: ht.Sequence, joints: NDArray[np.float64], **changes: Any) -> ht.Sequence:
     """The same with other joints."""
-    return replace(s, joints=joints, confidence=None, **changes)
+    told: dict[str, Any] = {"confidence": None, **changes}  # it is told anew
+    return replace(s, joints=joints, **told)
 
 
 # each: (kind, what is made of a clip, the frames that must be marked)
