@@ -160,6 +160,9 @@ def rest(file: IO[bytes], path: Path, head: bytes = b"", limit: int | None = Non
     most = allowed() if limit is None else limit
     cure = ": --max-size raises it" if limit is None else ""
     size = os.fstat(file.fileno()).st_size
+    if head and size > _PIECE and file.seekable():
+        file.seek(-len(head), os.SEEK_CUR)  # joined to the rest it would hold the whole twice
+        head = b""
     data = head
     if size <= most:
         wanted = max(size - len(head), 0) + 1  # one more than there is: then its end is seen

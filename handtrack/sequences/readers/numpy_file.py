@@ -26,9 +26,9 @@ from handtrack.sequences.titles import joints_key
 NPY_MAGIC = b"\x93NUMPY"
 
 
-def read_npy(data: bytes, path: Path) -> list[Raw]:
-    """The sequences of a .npy file: of (T, 21, 3), (T, 63), (21, 3) and the like, of a record
-    type's fields, or of objects, of which nothing is run.
+def read_npy(data: bytes | NDArray[np.uint8], path: Path) -> list[Raw]:
+    """The sequences of a .npy file's bytes: of (T, 21, 3), (T, 63), (21, 3) and the like, of a
+    record type's fields, or of objects, of which nothing is run.
 
     Raises:
         InputError: damaged, not numbers, or another shape.

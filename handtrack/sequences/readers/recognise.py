@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import IO
 
 import msgspec
+import numpy as np
 
 from handtrack.errors import InputError, SettingsError
 from handtrack.files import budget, npz
 from handtrack.files.collecting import no_collecting
+from handtrack.files.long_arrays import MOST, mapped
 from handtrack.sequences.readers import (
     freemocap,
     freihand,
@@ -21,7 +24,7 @@ from handtrack.sequences.readers import (
 from handtrack.sequences.readers.catalogue import kinds, ways
 from handtrack.sequences.readers.json_file import from_value, is_lines, read_json, read_lines
 from handtrack.sequences.readers.jsontext import as_utf8, decode, of_python, one_after_another
-from handtrack.sequences.readers.numpy_file import read_npz
+from handtrack.sequences.readers.numpy_file import NPY_MAGIC, read_npy, read_npz
 from handtrack.sequences.readers.raw import NotJointsError, Raw
 
 _TAR_MAGIC_AT = 257
@@ -65,6 +68,10 @@ def read_file(
         found = _read_long(path, head) if kind is None else None
         if found is not None:
             return found
+        size = os.fstat(stream.fileno()).st_size
+        if head.startswith(NPY_MAGIC) and kind is None and size > MOST:
+            budget.check(size, path)
+            return freemocap.with_unit(read_npy(mapped(stream, (size,), np.uint8), path), path)
         data = budget.rest(stream, path, head)
     return read_bytes(data, path, kind)
 
