@@ -138,6 +138,7 @@ _MATRIX = ("camera_matrix", "K", "cameraMatrix", "intrinsic", "intrinsics", "mtx
 _LENS = ("distortion_coefficients", "D", "distCoeffs", "dist", "distortion", "distortions")
 _TURN = ("R", "rotation", "rvec", "rotations", "rvecs")
 _MOVE = ("T", "t", "translation", "tvec", "translations", "tvecs")
+_OF_BOARDS = ("rvecs", "tvecs")
 _BOTH = ("extrinsic", "extrinsics", "RT", "Rt")
 _FIRST = tuple(n + end for n in ("K", "M", "cameraMatrix", "mtx", "camera_matrix_") for end in "1")
 _FIRST += ("camera_matrix1",)
@@ -177,6 +178,8 @@ def _from_one(found: Named, path: Path, metre: float) -> Camera:
     matrix = entry(matrices, _MATRIX, where)
     if matrix.shape != (3, 3):
         raise InputError(f"camera_matrix has shape {matrix.shape}")
+    # cv2.calibrateCamera gives the places of its board as well, one for each picture
+    matrices = {k: v for k, v in matrices.items() if k not in _OF_BOARDS or v.size == 3}
     placed = any(key in matrices for key in (*_TURN, *_MOVE, *_BOTH))
     # a lens alone: what it sees is in the camera's own frame
     turn, move = _pose(matrices, where) if placed else (np.eye(3), np.zeros(3))

@@ -82,6 +82,11 @@ def test_a_lens_alone_sees_in_its_own_frame_and_two_need_their_places(tmp_path):
     (found,) = ht.load_cameras(tmp_path / "a.xml")
     before = np.add(POINTS, [0, 0, 0.5])
     np.testing.assert_allclose(found.project(before), c.project(before), atol=1e-6)
+    boards = {name: np.ones((14, 3, 1)) for name in ("rvecs", "tvecs")}
+    np.savez(tmp_path / "o.npz", mtx=c.matrix, dist=c.distortion[None], **boards)
+    (found,) = ht.load_cameras(tmp_path / "o.npz")
+    np.testing.assert_allclose(found.project(before), c.project(before), atol=1e-6)
+    (tmp_path / "o.npz").unlink()
     (tmp_path / "b.xml").write_text(lens)
     with pytest.raises(InputError, match="a and b stand at one place and look one way: expected R"):
         ht.load_cameras(tmp_path)
