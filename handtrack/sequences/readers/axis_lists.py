@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from handtrack.errors import InputError
-from handtrack.sequences.readers.array_axes import JOINT_COUNTS
+from handtrack.sequences.readers.joint_frames import JOINT_COUNTS
 from handtrack.sequences.readers.jsontext import nested_numbers
 from handtrack.sequences.titles import is_confidence
 

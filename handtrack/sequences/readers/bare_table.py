@@ -12,9 +12,9 @@ from handtrack.errors import InputError
 from handtrack.hand.skeleton import N_JOINTS, ORDERS
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import as_side
-from handtrack.sequences.readers.array_axes import JOINT_COUNTS as COUNTS
 from handtrack.sequences.readers.both_hands import two_hands
 from handtrack.sequences.readers.fields import frame_numbers
+from handtrack.sequences.readers.joint_frames import JOINT_COUNTS as COUNTS
 from handtrack.sequences.readers.joint_frames import PAIRS
 from handtrack.sequences.readers.raw import Array, NotJointsError, Raw, stem
 from handtrack.sequences.readers.table_cells import Table, is_number

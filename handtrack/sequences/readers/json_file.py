@@ -40,18 +40,24 @@ from handtrack.sequences.readers.flat_json import with_depth
 from handtrack.sequences.readers.found import CONTAINERS, MOST_HANDS, MOST_NAMES, hands_in
 from handtrack.sequences.readers.joint_frames import as_frames
 from handtrack.sequences.readers.json_lines import forms_of_lines, lines_in
+from handtrack.sequences.readers.json_objects import (
+    as_clip,
+    by_number,
+    is_clip,
+    unwrapped,
+    with_frames_above,
+    with_what_it_says,
+)
 from handtrack.sequences.readers.json_table import table_of
 from handtrack.sequences.readers.jsontext import blanks_as_null, decode, is_blank, refuse_nothing
 from handtrack.sequences.readers.number_text import Forms
-from handtrack.sequences.readers.numbered_frames import by_number
 from handtrack.sequences.readers.pictures import flat
 from handtrack.sequences.readers.points import are_points, has_names
 from handtrack.sequences.readers.raw import NotJointsError, Raw, stem
 from handtrack.sequences.readers.record_places import Places
 from handtrack.sequences.readers.records import read_records
-from handtrack.sequences.readers.spelling import ABOUT, LISTS, in_small_letters
+from handtrack.sequences.readers.spelling import LISTS, in_small_letters
 from handtrack.sequences.readers.text_places import with_places
-from handtrack.sequences.readers.whole_clips import as_clip, is_clip, unwrapped
 
 _LARGE = 1_000_000
 
@@ -170,7 +176,7 @@ def _list_of_alike(data: bytes, path: Path) -> list[Raw] | None:
             if key not in (*LISTS, *CONTAINERS) or any(isinstance(v, list) for v in about.values()):
                 return None
             forms = forms_of(bytes(fields[key]))
-            about = _with_what_it_says(in_small_letters(about))
+            about = with_what_it_says(in_small_letters(about))
         if forms is None:
             return None
         return alike(forms, Places("frame", range(len(forms))), path, about)
@@ -274,7 +280,7 @@ def _listed(values: list[Any], path: Path, about: dict[str, Any] | None = None) 
 def _object(value: dict[str, Any], path: Path) -> list[Raw]:
     if len(value) > MOST_NAMES:
         raise NotJointsError(f"an object of {len(value)} names is of no hands", path)
-    value = as_clip(_with_what_it_says(unwrapped(_with_frames_above(value), path)))
+    value = as_clip(with_what_it_says(unwrapped(with_frames_above(value), path)))
     # a frame has no more than a few hands: a longer list is of frames
     long = [k for k in CONTAINERS if isinstance(value.get(k), list) and len(value[k]) > MOST_HANDS]
     for key in (*LISTS, *long):
@@ -295,33 +301,11 @@ def _object(value: dict[str, Any], path: Path) -> list[Raw]:
     return [raw for fields in of_sides(value) for raw in two_hands(from_fields(fields, path))]
 
 
-def _with_frames_above(value: dict[str, Any]) -> dict[str, Any]:
-    """With a long list of frames that stands two names deep (`{"data": {"results": [...]}}`)."""
-    for key in {*LISTS, *CONTAINERS} & value.keys():
-        inner = value[key] if isinstance(value[key], dict) else {}
-        lists = [inner[k] for k in {*LISTS, *CONTAINERS} & inner.keys()]
-        if any(isinstance(v, list) and len(v) > MOST_HANDS and not are_points(v) for v in lists):
-            return {k: v for k, v in value.items() if k != key} | inner
-    return value
-
-
 def _may_hold_names(frame: Any) -> bool:
     """Whether a frame is an object, or a list of joints that are."""
     if isinstance(frame, list):
         return has_names(frame) and are_points(frame)
     return isinstance(frame, dict)
-
-
-def _with_what_it_says(value: dict[str, Any]) -> dict[str, Any]:
-    """With what an object inside says of all frames (`{"info": {"fps": 60}, ...}`)."""
-    said = {
-        key: inner
-        for name in ABOUT
-        if isinstance(part := value.get(name), dict)
-        for key, inner in part.items()
-        if isinstance(inner, str | int | float)
-    }
-    return {**said, **value}
 
 
 FORMATS = (

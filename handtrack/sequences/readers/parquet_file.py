@@ -25,10 +25,15 @@ from handtrack.files.long_arrays import release, rows_of
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import as_side, words
 from handtrack.sequences.readers import text_table
-from handtrack.sequences.readers.arrow_types import is_flat, is_list, is_plain
 from handtrack.sequences.readers.both_hands import two_hands
 from handtrack.sequences.readers.catalogue import Format, Way
-from handtrack.sequences.readers.list_columns import rows_in_batches, rows_of_lists
+from handtrack.sequences.readers.list_columns import (
+    is_flat,
+    is_list,
+    is_plain,
+    rows_in_batches,
+    rows_of_lists,
+)
 from handtrack.sequences.readers.long_text import DiffersError, Whole, join
 from handtrack.sequences.readers.raw import NotJointsError, Raw, as_fps, stem, take_rows
 from handtrack.sequences.readers.table_held import as_held

@@ -16,7 +16,7 @@ from handtrack.errors import InputError, shown
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import UNUSED, JointName, joint_name, without_hand, words
-from handtrack.sequences.readers.array_axes import JOINT_COUNTS
+from handtrack.sequences.readers.joint_frames import JOINT_COUNTS
 from handtrack.sequences.readers.message_rows import Ints
 from handtrack.sequences.readers.raw import Array, Raw, stem
 from handtrack.sequences.readers.robot_messages import (

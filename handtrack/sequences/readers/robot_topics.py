@@ -12,9 +12,8 @@ import numpy as np
 from handtrack.errors import InputError
 from handtrack.hand.skeleton import N_JOINTS, Hand
 from handtrack.sequences.names import joint_name, without_hand, words
-from handtrack.sequences.readers.array_axes import JOINT_COUNTS
 from handtrack.sequences.readers.both_hands import two_hands
-from handtrack.sequences.readers.joint_frames import PAIRS
+from handtrack.sequences.readers.joint_frames import JOINT_COUNTS, PAIRS
 from handtrack.sequences.readers.mcap_json import taken_or_logged
 from handtrack.sequences.readers.message_rows import Ints
 from handtrack.sequences.readers.raw import Array, Raw, stem

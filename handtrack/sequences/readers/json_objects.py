@@ -1,16 +1,21 @@
-"""An object of JSON that holds all frames at once, as fields of a clip."""
+"""Objects of JSON that hold all frames: as fields of a clip, under numbers, in lists further in."""
 
 from __future__ import annotations
 
+import re
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from handtrack.errors import InputError
 from handtrack.sequences.names import as_side, words
 from handtrack.sequences.readers.axis_lists import column_keys
 from handtrack.sequences.readers.fields import RATES
-from handtrack.sequences.readers.found import CONTAINERS, MOST_HANDS
-from handtrack.sequences.readers.hands_or_frames import are_frames
-from handtrack.sequences.readers.points import are_points, has_names
+from handtrack.sequences.readers.found import CONTAINERS, MOST_HANDS, hands_in
+from handtrack.sequences.readers.points import are_points, has_names, read_points
+from handtrack.sequences.readers.raw import Array
 from handtrack.sequences.readers.spelling import ABOUT, LISTS
 from handtrack.sequences.titles import is_hand_label, joints_key, side_key, time_unit
 
@@ -33,6 +38,28 @@ def as_clip(value: dict[str, Any]) -> dict[str, Any]:
         if _is_list_of_frames(value.get(key)) and not any(map(has_names, value[key])):
             return {**{k: v for k, v in value.items() if k != key}, "joints": value[key]}
     return value
+
+
+def with_frames_above(value: dict[str, Any]) -> dict[str, Any]:
+    """With a long list of frames that stands two names deep (`{"data": {"results": [...]}}`)."""
+    for key in {*LISTS, *CONTAINERS} & value.keys():
+        inner = value[key] if isinstance(value[key], dict) else {}
+        lists = [inner[k] for k in {*LISTS, *CONTAINERS} & inner.keys()]
+        if any(isinstance(v, list) and len(v) > MOST_HANDS and not are_points(v) for v in lists):
+            return {k: v for k, v in value.items() if k != key} | inner
+    return value
+
+
+def with_what_it_says(value: dict[str, Any]) -> dict[str, Any]:
+    """With what an object inside says of all frames (`{"info": {"fps": 60}, ...}`)."""
+    said = {
+        key: inner
+        for name in ABOUT
+        if isinstance(part := value.get(name), dict)
+        for key, inner in part.items()
+        if isinstance(inner, str | int | float)
+    }
+    return {**said, **value}
 
 
 def unwrapped(value: dict[str, Any], path: Path, depth: int = 0) -> dict[str, Any]:
@@ -107,3 +134,68 @@ def _is_list_of_frames(value: Any) -> bool:
         return False
     some = [f for f in value[:MOST_HANDS] if f]
     return bool(some) and all(isinstance(f, list) and are_points(f) for f in some)
+
+
+_MOVED = 0.12
+"""Of its size a hand moves so far between two frames, at most."""
+_APART = 0.5
+"""Two hands are so far from each other, or turned so far."""
+
+
+def are_frames(lists: list[Any], name: str, path: Path) -> bool:
+    """Whether lists of landmarks are frames of one hand.
+
+    Raises:
+        InputError: they may be either.
+    """
+    try:
+        hands = [read_points(one, name, path).joints for one in lists if one]
+    except InputError:
+        return False  # said where they are read
+    if len(hands) < 2 or len({hand.shape for hand in hands}) > 1:
+        return False
+    steps = [_step(a, b) for a, b in pairwise(hands)]
+    if max(steps) < _MOVED:
+        return True
+    if max(steps) > _APART:
+        return False
+    raise InputError(
+        f"{name} holds {len(lists)} lists of landmarks, which may be frames of one hand or hands in"
+        f" one frame: for frames pass --key {name} (load(key=...)) or say the fps in the file, for"
+        " hands name them (handedness)",
+        path,
+    )
+
+
+def _step(a: Array, b: Array) -> float:
+    """How far apart two hands are, in sizes of the first; far where one mirrors the other."""
+    both = np.isfinite(a).all(1) & np.isfinite(b).all(1)
+    if both.sum() < 4:
+        return np.inf
+    a, b = a[both], b[both]
+    size = float(np.ptp(a, axis=0).max())
+    if size <= 0:
+        return np.inf
+    return float(np.linalg.norm(a - b, axis=1).mean()) / size
+
+
+_NUMBER = re.compile(
+    r"(?i)((?:frame|f|image|img|t)?[_ ]?)(\d{1,12})(?:\.(?:jpe?g|png|bmp|tiff?|webp))?"
+)
+
+
+def by_number(value: dict[str, Any]) -> list[Any]:
+    """Frames under their numbers ("12", "frame_0012"), each with it; none where it is not so."""
+    if len(value) > 1 and all(re.fullmatch(r"\d{1,10}\.\d{1,9}", key) for key in value):
+        return [{"time": float(t)} | v for t, v in value.items() if isinstance(v, dict)]
+    said = [_NUMBER.fullmatch(key) for key in value]
+    if len(value) < 2 or not all(said) or len({m[1].lower() for m in said if m is not None}) > 1:
+        return []
+    numbers = {int(m[2]): v for m, v in zip(said, value.values(), strict=True) if m is not None}
+    if all(v in (None, []) or (isinstance(v, list) and are_points(v)) for v in value.values()):
+        return [{"frame": n, "joints": numbers[n] or None} for n in sorted(numbers)]
+    if not all(v is None or isinstance(v, dict) for v in numbers.values()) or are_points(value):
+        return []
+    if not any(map(hands_in, numbers.values())):
+        return []
+    return [{"frame": n} | (numbers[n] or {}) for n in sorted(numbers)]
