@@ -87,6 +87,19 @@ def test_a_fourth_number_is_the_confidence(tmp_path, clips, shape):
         assert np.allclose(found.confidence[found.present], sure[found.present])
 
 
+@pytest.mark.parametrize("flat", [False, True])
+def test_as_many_frames_as_joints(tmp_path, clips, flat):
+    """21 frames of two hands: a fourth number tells which axis the frames are."""
+    pair = np.stack([clips["left"][:21], clips["right"][:21]], 1)
+    sure = np.random.default_rng(1).uniform(0.1, 0.9, pair.shape[:-1])
+    array = np.concatenate([pair, sure[..., None]], -1)
+    found = loaded(tmp_path / "a.npy", array.reshape(21, -1) if flat else array)
+    assert [s.hand for s in found] == ["left", "right"]
+    for hand, sequence in enumerate(found):
+        assert np.allclose(sequence.joints, pair[:, hand])
+        assert np.allclose(sequence.confidence, sure[:, hand])
+
+
 @pytest.mark.parametrize("constant", [0.0, 1.0])
 def test_a_fourth_number_that_says_nothing(tmp_path, clips, constant):
     given = np.concatenate([clips["right"], np.full((FRAMES, 21, 1), constant)], -1)

@@ -16,6 +16,9 @@ from handtrack.sequences.readers.jsontext import nested_array
 from handtrack.sequences.readers.raw import Array, usable_confidence
 
 JOINT_COUNTS = sorted(set(ORDER_JOINTS.values()))
+PAIRS = (42, 50, 52)
+"""Joints in a frame of two hands."""
+_COUNTS = (*JOINT_COUNTS, *PAIRS)
 _FEW = 25
 """Joints of a frame, at most: a longer axis is that of the frames."""
 _WIDTHS = frozenset(n * k for n in (*JOINT_COUNTS, 2 * N_JOINTS) for k in (1, 3)) | {64}
@@ -52,34 +55,29 @@ _FRAMES_FIRST = {
 """By the first axis, the shorter of the others, and whether that is the last."""
 
 
-def with_fourth(array: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any] | None]:
-    """The places of joints that have a fourth number each, and that number; None where they have
-    none, or one that is no share of certainty.
-
-    Understood are (T, 21, 4), (T, 4, 21), (T, 2, 21, 4), (2, T, 21, 4), (21, 4)
-    and rows of 84 or 168.
-    """
-    joints = frames_first(array) if array.ndim == 4 else array
-    if joints.ndim == 3 and joints.shape[1] in (1, 2) and joints.shape[2] == 4 * N_JOINTS:
-        joints = joints.reshape(len(joints), -1)
-    if joints.ndim in (1, 2) and joints.shape[-1] in (4 * N_JOINTS, 8 * N_JOINTS):
-        joints = joints.reshape(-1, joints.shape[-1] // 4, 4)
-    if joints.ndim == 3 and joints.shape[1:] == (4, N_JOINTS):
-        joints = joints.transpose(0, 2, 1)
-    if joints.ndim == 4 and joints.shape[0] == 1:
-        joints = joints[0]
-    if joints.ndim == 4 and joints.shape[1] in (1, 2) and joints.shape[2:] == (N_JOINTS, 4):
-        joints = joints.reshape(len(joints), -1, 4)
-    if joints.ndim == 2 and joints.shape == (N_JOINTS, 4):
-        joints = joints[None]
-    if joints.ndim != 3 or joints.shape[1] not in (*JOINT_COUNTS, 2 * N_JOINTS):
-        return array, None
-    if joints.shape[2] != 4 or joints.dtype.kind not in "fiu":
-        return array, None
-    fourth = joints[..., 3]
-    there = np.isfinite(fourth)
-    low, high = (f(fourth, where=there, initial=0.0) for f in (np.min, np.max))
-    return (joints[..., :3], fourth) if low >= 0 and high <= 1 else (array, None)
+def of_numbers(array: NDArray[Any], k: int) -> NDArray[Any] | None:
+    """Joints of k numbers each as (T, N, k), from an array of any shape that holds frames of them,
+    of a hand or of two; None where it does not."""
+    if array.ndim == 4 and array.shape[0] == 1:
+        array = array[0]  # one sequence of a batch
+    if array.ndim == 4 and array.shape[1] in (1, 2) and array.shape[2] in JOINT_COUNTS:
+        array = array.reshape(len(array), -1, array.shape[3])  # hands of a frame
+    if k == 3 or array.ndim > 2:
+        array = frames_first(array)
+    if k == 3:
+        array = of_poses(array)
+    shape, sizes = array.shape, [k * n for n in _COUNTS]
+    if array.ndim == 3 and shape[2] == k and shape[1] in _COUNTS:
+        return array
+    if array.ndim == 3 and shape[1] == k and shape[2] in JOINT_COUNTS:
+        return array.transpose(0, 2, 1)  # rows of x, of y and of z
+    if array.ndim == 2 and shape[1] in sizes:
+        return array.reshape(shape[0], -1, k)
+    if (array.ndim == 2 and shape[1] == k and shape[0] in _COUNTS) or (
+        array.ndim == 1 and shape[0] in sizes
+    ):
+        return array.reshape(1, -1, k)
+    return None
 
 
 def of_poses(array: NDArray[Any]) -> NDArray[Any]:
@@ -96,10 +94,6 @@ def of_poses(array: NDArray[Any]) -> NDArray[Any]:
     return array
 
 
-PAIRS = (42, 50, 52)
-"""Joints in a frame of two hands."""
-
-
 def frames_and_sure(value: Any, path: Path, what: str) -> tuple[Array, Array | None]:
     """As `as_frames`, and (T, N) how sure each joint is, where a fourth number says it: None where
     it says nothing.
@@ -108,12 +102,19 @@ def frames_and_sure(value: Any, path: Path, what: str) -> tuple[Array, Array | N
         InputError: as `as_frames`.
     """
     array = value if isinstance(value, np.ndarray) else nested_array(value, path, what)
-    places, fourth = with_fourth(array)
-    joints = as_frames(places, path, what)
-    if fourth is None:
-        return joints, None
-    sure = usable_confidence(fourth.astype(np.float64), joints)
+    fours = of_numbers(array, 4) if array.dtype.kind in "fiu" else None
+    if fours is None or not _are_shares(fours[..., 3]):
+        return as_frames(array, path, what), None
+    joints = _whole(fours[..., :3], path, what)
+    sure = usable_confidence(fours[..., 3].astype(np.float64), joints)
     return joints, sure if sure is None or sure.min() < 1 else None
+
+
+def _are_shares(values: NDArray[Any]) -> bool:
+    """Whether they are shares of certainty: 0 to 1, or missing."""
+    there = np.isfinite(values)
+    low, high = (f(values, where=there, initial=0.0) for f in (np.min, np.max))
+    return bool(low >= 0 and high <= 1)
 
 
 def as_frames(value: Any, path: Path, what: str = "joints") -> Array:
@@ -125,27 +126,11 @@ def as_frames(value: Any, path: Path, what: str = "joints") -> Array:
     array = value if isinstance(value, np.ndarray) else nested_array(value, path, what)
     if array.dtype.kind not in "fiu":
         raise InputError(f"{what} holds {array.dtype}, expected numbers", path)
-    if array.ndim == 4 and array.shape[0] == 1:
-        array = array[0]  # one sequence of a batch
-    if array.ndim == 4 and array.shape[1] in (1, 2) and array.shape[2] in JOINT_COUNTS:
-        array = array.reshape(len(array), -1, array.shape[3])  # hands of a frame
-    array = of_poses(frames_first(array))
-    shape = array.shape
-    counts = [*JOINT_COUNTS, *PAIRS]
-    flat_sizes = [3 * n for n in counts]
-    if array.ndim == 3 and shape[2] == 3 and shape[1] in counts:
-        frames = array
-    elif array.ndim == 3 and shape[1] == 3 and shape[2] in JOINT_COUNTS:
-        frames = array.transpose(0, 2, 1)  # rows of x, of y and of z
-    elif array.ndim == 2 and shape[1] in flat_sizes:
-        frames = array.reshape(shape[0], shape[1] // 3, 3)
-    elif (array.ndim == 2 and shape[1] == 3 and shape[0] in counts) or (
-        array.ndim == 1 and shape[0] in flat_sizes
-    ):
-        frames = array.reshape(1, -1, 3)
-    else:
-        known = with_as_many(shape[1]) if array.ndim == 3 and shape[2] == 3 else ""
-        if array.ndim == 3 and shape[2] == 4:
+    frames = of_numbers(array, 3)
+    if frames is None:
+        shape = frames_first(array).shape
+        known = with_as_many(shape[1]) if len(shape) == 3 and shape[2] == 3 else ""
+        if len(shape) == 3 and shape[2] == 4:
             known = (
                 "; a fourth number of each joint is taken as its confidence where all are 0 to 1:"
                 " leave it out"
@@ -153,6 +138,10 @@ def as_frames(value: Any, path: Path, what: str = "joints") -> Array:
         raise InputError(
             f"{what} has shape {shape}, expected (frames, 21, 3) or (frames, 63){known}", path
         )
+    return _whole(frames, path, what)
+
+
+def _whole(frames: NDArray[Any], path: Path, what: str) -> Array:
     if not len(frames):
         raise InputError(f"{what} holds no frames", path)
     return by_blocks(lambda part: part.astype(np.float64), frames)
