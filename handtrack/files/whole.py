@@ -175,6 +175,6 @@ def _opened(path: Path) -> tuple[Path, IO[bytes]]:
 def _why(error: OSError) -> str:
     """In the system's words; some libraries put their own about them."""
     inside = re.search(r"\[errno (\d+)\]", str(error), re.IGNORECASE)
-    if inside and not error.strerror:
+    if inside:
         return os.strerror(int(inside[1]))
     return error.strerror or str(error)

@@ -10,9 +10,11 @@ import pytest
 from handtrack.errors import HandtrackError
 from handtrack.files.whole import whole_file
 
+_PYARROWS = "Error writing bytes to file. Detail: [errno 28] No space left on device"
 ERRORS = {
     "the system's": OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)),
-    "pyarrow's": OSError("Error writing bytes to file. Detail: [errno 28] No space left on device"),
+    "pyarrow's": OSError(_PYARROWS),
+    "pyarrow's with a number": OSError(errno.ENOSPC, _PYARROWS),
 }
 
 
