@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import fields
+
 import numpy as np
 import pytest
+from recorded_sample import SAMPLE
 
 import handtrack as ht
+from handtrack.cli import run
+from handtrack.evaluation import metrics
 from handtrack.evaluation.shake import Shake, bends, palm_motion, shake, shake_values
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import about_axis
@@ -122,3 +128,57 @@ def test_stability_tells_the_shakes_of_input_output_and_truth(sample):
     assert told["truth_shake"] == row.truth_shake.to_dict()
     two = ht.stability([track, track])
     assert two.overall.shake.palm_mm == pytest.approx(row.shake.palm_mm)
+
+
+def passed(turn):
+    """Share of a wave of so many radians a frame that parabolas through 11 frames leave.
+
+    The least squares by NumPy, not the weights that are used.
+    """
+    k = np.arange(-5, 6)
+    weights = np.linalg.pinv(np.vander(k, 3))[-1]
+    return 1 - float(weights @ np.cos(turn * k))
+
+
+@pytest.mark.parametrize("frames", [4, 7.5, 12, 40])
+def test_a_wave_of_the_whole_hand_in_closed_form(still, frames):
+    turn, size = 2 * np.pi / frames, 0.003
+    wave = size * np.sin(turn * np.arange(N) + 0.3)
+    found = shake(still + wave[:, None, None] * np.array([0.0, 0.6, 0.8]), TIME)
+    left = 1e3 * size * abs(passed(turn)) / np.sqrt(2)
+    assert found.palm_mm == pytest.approx(left, rel=0.03, abs=1e-3)
+    steps = size * (2 * np.sin(turn / 2)) ** 3 * 30**3  # of third differences
+    mean = np.abs(np.cos(turn * (np.arange(N) - 1.5) + 0.3)).mean()
+    assert found.palm_jitter_m_s3 == pytest.approx(steps * mean, rel=0.03)
+    assert max(found.palm_deg, found.fingers_deg, found.fingers_mm) < 1e-5
+
+
+@pytest.mark.parametrize("frames", [5, 9])
+def test_a_wave_of_one_bend_in_closed_form(frames):
+    turn, size = 2 * np.pi / frames, 4.0
+    angles = np.full((N, 20), 0.5)
+    angles[:, 7] += np.radians(size) * np.sin(turn * np.arange(N) + 0.2)  # index DIP
+    found = shake(HandModel.default("right").joints(angles), TIME)
+    assert max(found.palm_mm, found.palm_deg) < 1e-6
+    left = size * passed(turn) / np.sqrt(2) / np.sqrt(15)  # one of 15 bends
+    assert found.fingers_deg == pytest.approx(left, rel=0.03)
+
+
+def test_acceleration_error_of_a_wave_in_closed_form(still):
+    turn, size = 2 * np.pi / 9, 0.002
+    wave = size * np.sin(turn * np.arange(N))
+    moved = still + wave[:, None, None] * np.array([1.0, 0.0, 0.0])
+    found = np.nanmean(metrics.acceleration_error(moved, still))
+    # of second differences, not divided by the squared step, as the field has it
+    expected = (2 * np.sin(turn / 2)) ** 2 * np.abs(wave[1:-1]).mean()
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_commands_json_has_every_number(capsys):
+    assert run(["stability", str(SAMPLE), "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)["sequences"]
+    names = {f.name for f in fields(Shake)}
+    for key in ("shake", "truth_shake"):
+        assert set(row[key]) == names
+        assert all(isinstance(v, float) for v in row[key].values())
+    assert isinstance(row["acceleration_error_mm"], float)
