@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import handtrack as ht
+from handtrack.errors import HandtrackError
 from handtrack.hand.model import HandModel
 from handtrack.hand.rotations import about_axis
 
@@ -23,6 +24,20 @@ def shared_data() -> Path:
     if not SHARED.is_dir():
         pytest.skip(f"real data not there: {SHARED}")
     return SHARED
+
+
+@pytest.fixture
+def refused() -> Callable[[Path, str, str], None]:
+    """refused(path, text, match): a file of that text is refused in one line that names it."""
+
+    def check(path: Path, text: str, match: str) -> None:
+        path.write_text(text)
+        with pytest.raises(HandtrackError, match=match) as caught:
+            ht.load(path)
+        assert str(path) in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+    return check
 
 
 @pytest.fixture(scope="session")
