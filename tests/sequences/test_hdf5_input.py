@@ -216,3 +216,15 @@ def test_a_heap_of_texts_with_an_object_of_no_length_is_refused(tmp_path):
     path.write_bytes(data)
     with h5py.File(path) as file, pytest.raises(InputError, match="heap of texts"):
         said(file, "side", path)
+
+
+@pytest.mark.parametrize("group", ["transforms", "emg2pose", "other"])
+def test_long_names_are_not_repeated_whole(group, tmp_path):
+    with h5py.File(tmp_path / "a.hdf5", "w") as file:
+        for i in range(8):
+            file[f"{group}/{i}{'x' * 1900}"] = np.zeros((2, 4, 4))
+        if group == "emg2pose":
+            file["emg2pose/timeseries"] = np.zeros(3, [("y" * 1900, float), ("z", float)])
+    with pytest.raises(ht.InputError) as refused:
+        ht.load(tmp_path / "a.hdf5")
+    assert len(str(refused.value)) - len(str(tmp_path)) < 500

@@ -39,6 +39,19 @@ def lines(hand):
     return "\n\n".join(json.dumps({"t": i / 60, "joints": x.tolist()}) for i, x in enumerate(hand))
 
 
+def listed(hand):
+    """One line, or as editors write it; a hand's frames hold objects themselves."""
+    frames = [
+        {"t": i / 60, "joints": [dict(zip("xyz", p, strict=True)) for p in x.tolist()]}
+        for i, x in enumerate(hand)
+    ]
+    return json.dumps(frames)
+
+
+def indented(hand):
+    return json.dumps(json.loads(listed(hand)), indent=1)
+
+
 @pytest.fixture
 def in_blocks(monkeypatch):
     """Blocks of some frames, and how many files were read so."""
@@ -54,7 +67,7 @@ def in_blocks(monkeypatch):
     return found
 
 
-@pytest.mark.parametrize("text", [wide, by_joint, lines])
+@pytest.mark.parametrize("text", [wide, by_joint, lines, listed, indented])
 def test_the_same_as_whole(text, hand, tmp_path, in_blocks):
     path = tmp_path / "a.txt"
     path.write_text(text(hand))
@@ -76,6 +89,27 @@ def test_what_is_wrong_is_named_as_of_the_whole(text, hand, tmp_path, in_blocks)
     with pytest.raises(InputError, match=f"line {at + 1}"):
         load(path)
     assert in_blocks == [None]
+
+
+@pytest.mark.parametrize("damage", ["cut", "a bracket", "more behind it", "no number"])
+def test_a_damaged_list_is_refused_as_a_whole_one(hand, damage, tmp_path, in_blocks, monkeypatch):
+    text = listed(hand)
+    middle = text.index('{"t"', len(text) // 2)
+    spoilt = {
+        "cut": text[:-300],
+        "a bracket": text[:middle] + "]" + text[middle:],
+        "more behind it": text + "[",
+        "no number": text[:middle] + text[middle:].replace("0.3", "0.3!", 1),
+    }[damage]
+    path = tmp_path / "a.json"
+    path.write_text(spoilt)
+    with pytest.raises(InputError) as quick:
+        load(path)
+    assert in_blocks == [None]
+    monkeypatch.setattr(long_text, "LARGE", 10**9)
+    with pytest.raises(InputError) as whole:
+        load(path)
+    assert str(quick.value) == str(whole.value)
 
 
 def test_a_hand_that_comes_later_is_read_whole(hand, tmp_path, in_blocks):

@@ -47,7 +47,7 @@ def read(file: Any, path: Path) -> list[Raw] | None:
         return None
     hands = _joints_by_hand(names_in(group, path))
     if not any(len(joints) >= _FEWEST for joints in hands.values()):
-        there = ", ".join(names_in(group, path)[:8])
+        there = shown(", ".join(names_in(group, path)[:8]))
         raise InputError(
             f"transforms holds no hand: expected leftHand, leftIndexFingerTip ..., found {there}",
             path,

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from handtrack.errors import InputError
+from handtrack.errors import InputError, shown
 from handtrack.sequences.clock import Stamps
 from handtrack.sequences.names import as_side
 from handtrack.sequences.readers.catalogue import Format
@@ -38,7 +38,7 @@ def read(file: Any, path: Path) -> list[Raw] | None:
     table = dataset(group, "timeseries", path)
     fields = () if table is None else table.dtype.names or ()
     if table is None or not {"time", "joint_angles"} <= set(fields):
-        there = ", ".join(fields) or "no timeseries"
+        there = shown(", ".join(fields)) or "no timeseries"
         raise InputError(f"emg2pose/timeseries holds {there}, expected time and joint_angles", path)
     if table.ndim != 1 or not len(table):
         raise InputError(f"emg2pose/timeseries has shape {table.shape}, expected (frames,)", path)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.errors import InputError
+from handtrack.errors import InputError, shown
 from handtrack.hand.skeleton import N_JOINTS
 from handtrack.hand.units import METRES, Unit
 from handtrack.sequences.clock import Stamps
@@ -287,7 +287,7 @@ def joint_key(fields: Mapping[str, Any], path: Path) -> str:
         worlds = [k for k in keys if "world" in words(k)]
         keys = worlds or [k for k in keys if not isinstance(fields[k], str)] or keys
     if not keys:
-        there = ", ".join(list(map(str, fields))[:8]) or "nothing"
+        there = shown(", ".join(list(map(str, fields))[:8])) or "nothing"
         shaped = any(
             isinstance(v, np.ndarray) and v.shape[-2:] == (N_JOINTS, 3) for v in fields.values()
         )

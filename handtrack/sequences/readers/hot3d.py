@@ -29,7 +29,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from handtrack.errors import InputError
+from handtrack.errors import InputError, shown
 from handtrack.files import budget
 from handtrack.hand.rotations import (
     matrix_to_quaternion,
@@ -115,7 +115,7 @@ def _with_values(raw: Raw, rows: list[Any], places: Items[str], path: Path) -> R
     mano = "pose" in first
     first = next((r for r in rows if r is not None and r.get("pose")), first) if mano else first
     if not mano and "joint_angles" not in first:
-        there = ", ".join(list(first)[:6])
+        there = shown(", ".join(list(first)[:6]))
         raise InputError(f"a hand has {there}, expected joint_angles or pose", path)
     n = len(rows)
     key, width = ("pose", len(first["pose"] or ())) if mano else ("joint_angles", N_HINGES)

@@ -1,12 +1,14 @@
 """Text files of gigabytes, some megabytes at a time: of the text no more is in memory than that.
 
-Tables and JSON lines say in each block the same as in the whole, where their titles, hands and
-forms are the same throughout. Whatever differs from block to block, or cannot be read, is read as
-a whole file is, which also says what is wrong and where.
+Tables, JSON lines and lists of objects say in each block the same as in the whole, where their
+titles, hands and forms are the same throughout. Whatever differs from block to block, or cannot be
+read, is read as a whole file is, which also says what is wrong and where.
 """
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -29,6 +31,8 @@ from handtrack.sequences.titles import is_frame_number
 LARGE = 64 * budget.MB
 """Smaller files are read at once."""
 _BLOCK = 8 * budget.MB
+_FIRST = 2 * budget.MB
+_NEXT = re.compile(rb'\s*(,\s*\{\s*"[^"\\]*")')
 _MARK = b"\xef\xbb\xbf"
 _WIDE = 60
 """A line of so many cells is a frame."""
@@ -53,12 +57,16 @@ def read_long_text(path: Path, read: Callable[[bytes, Path], list[Raw]]) -> list
     """
     budget.check(path.stat().st_size, path)
     with budget.opened(path) as file:
-        first = next(_lines_of(file), b"")
+        piece = file.read(_BLOCK)
+        first = piece[: piece.rfind(b"\n") + 1]
         file.seek(0)
+        begin = piece.removeprefix(_MARK).lstrip()[:1]
         try:
-            if first.removeprefix(_MARK).lstrip()[:1] in (b"{", b"["):
-                return _of_json(file, path) if is_lines(first) else None
-            return _of_table(file, first, path, read)
+            if begin in (b"{", b"["):
+                if first and is_lines(first):
+                    return _of_json(file, path)
+                return _of_list(file, path) if begin == b"[" else None
+            return _of_table(file, first, path, read) if first else None
         except (InputError, NotAlikeError, DiffersError):
             return None
 
@@ -90,6 +98,38 @@ def _of_json(file: IO[bytes], path: Path) -> list[Raw] | None:
             return None
         line += len(there) - 1
     return alike(forms, Places("line", numbers.whole().tolist()), path)
+
+
+def _of_list(file: IO[bytes], path: Path) -> list[Raw] | None:
+    """The hands of one list of objects; None of any other document."""
+    forms, mark = Forms(), b""
+    rest = file.read(_BLOCK).removeprefix(_MARK).lstrip()[1:]
+    while True:
+        mark = mark or _between_objects(rest)
+        at = rest.rfind(mark) if mark else -1
+        # cut where no object ends it is no list, and neither is what follows
+        if at < 0 or not append_list(forms, b"".join((b"[", rest[:at], b"]"))):
+            return None
+        rest = rest[at + 1 :]
+        piece = file.read(_BLOCK)
+        if not piece:
+            break
+        rest += piece
+    if not append_list(forms, b"[" + rest):
+        return None
+    return alike(forms, Places("frame", range(len(forms))), path, {})
+
+
+def _between_objects(text: bytes) -> bytes:
+    """What stands between the first two objects of a list, with the second one's first name;
+    nothing where they are no objects, or longer than a block."""
+    some = text[:_FIRST].lstrip()
+    try:
+        _, end = json.JSONDecoder().raw_decode(some.decode("ascii", "replace"))
+    except (ValueError, RecursionError):
+        return b""
+    found = _NEXT.match(some, end)
+    return found[1] if found else b""
 
 
 def _of_table(

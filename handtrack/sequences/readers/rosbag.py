@@ -62,7 +62,7 @@ def read_bag(path: Path) -> list[Raw]:
     with _opened(where) as reader:
         wanted = [c for c in reader.connections if understood(c.msgtype, "cdr") and c.msgcount != 0]
         if not wanted:
-            there = ", ".join(f"{c.topic} ({c.msgtype})" for c in reader.connections[:6])
+            there = shown(", ".join(f"{c.topic} ({c.msgtype})" for c in reader.connections[:6]))
             raise NotJointsError(f"no topic that may hold hands, there are {there}", path)
         channels: dict[int, Channel] = {}
         for connection, time, raw in reader.messages(connections=wanted):

@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from handtrack.errors import InputError
+from handtrack.errors import InputError, shown
 from handtrack.files import budget
 from handtrack.files.long_arrays import by_blocks
 from handtrack.hand.rotations import about_axis
@@ -215,7 +215,7 @@ def _unit(landmarks: Array, path: Path) -> Unit:
 
 def _numbers(whole: dict[str, Any], name: str, width: int | None, path: Path) -> Array:
     if name not in whole:
-        there = ", ".join(list(whole)[:6])
+        there = shown(", ".join(list(whole)[:6]))
         raise InputError(f"is no profile of UmeTrack: no {name} in it, but {there}", path)
     given = decode(bytes(whole[name]), Any, path)
     try:
