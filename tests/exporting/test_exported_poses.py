@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from made_tracks import make_track
 from pyarrow import parquet
+from scipy.spatial.transform import Rotation
 
 import handtrack as ht
 from handtrack.cli import run
@@ -82,6 +84,15 @@ def test_operator_frame_of_joints_that_are_missing_or_on_a_line() -> None:
     assert np.isfinite(found[2, 9]).all()
 
 
+def by_scipy(read: Callable[[np.ndarray], Rotation], values: np.ndarray) -> np.ndarray:
+    """Matrices of rotations (T, 21, n), NaN where these are."""
+    flat = values.reshape(-1, values.shape[-1])
+    known = np.isfinite(flat).all(1)
+    out = np.full((len(flat), 3, 3), np.nan)
+    out[known] = read(flat[known]).as_matrix()
+    return out.reshape(*values.shape[:2], 3, 3)
+
+
 @pytest.mark.parametrize("form", ["quaternion", "matrix", "axis-angle"])
 def test_rotations_move_the_joints(form: str, tmp_path: Path) -> None:
     track = make_track(40)
@@ -90,11 +101,11 @@ def test_rotations_move_the_joints(form: str, tmp_path: Path) -> None:
     with np.load(tmp_path / "x.npz") as arrays:
         joints, rest = arrays["filtered_joints_m"], arrays["rest_joints_m"]
         if form == "quaternion":
-            turn = quaternion_to_matrix(arrays["joint_quaternions_wxyz"])
+            turn = by_scipy(Rotation.from_quat, arrays["joint_quaternions_wxyz"][..., [1, 2, 3, 0]])
         elif form == "matrix":
             turn = arrays["joint_rotations"]
         else:
-            turn = vector_to_matrix(arrays["joint_axis_angles_rad"])
+            turn = by_scipy(Rotation.from_rotvec, arrays["joint_axis_angles_rad"])
     assert turn.shape == (40, 21, 3, 3)
     known = np.isfinite(joints).all((1, 2))
     for joint in range(1, 21):
