@@ -132,6 +132,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=str(__doc__).partition("\n")[0])
     parser.add_argument("--seconds", type=float, default=60.0, help="how long")
     parser.add_argument("--inputs", type=int, default=10**9, help="how many at most")
+    parser.add_argument("--at-least", type=int, default=1, help="fewer inputs than so many fail")
     parser.add_argument("--seed", type=int, default=1, help="other inputs for another number")
     parser.add_argument("--only", help="kinds, with commas between")
     parser.add_argument("--bombs", action="store_true", help="all bombs, nothing else")
@@ -140,9 +141,9 @@ def main() -> int:
     options = parser.parse_args()
     counts: Counter[tuple[str, str]] = Counter()
     seen: set[str] = set()
-    stop = time.monotonic() + options.seconds
     with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as temp:
         worker = Worker(Path(temp))
+        stop = time.monotonic() + options.seconds  # what starts the worker is not counted
         for case in cases(worker.about, options):
             answer = worker.run(case)
             kind = case[1] if case[0] == "mutant" else case[0]
@@ -158,6 +159,9 @@ def main() -> int:
         worker.process.kill()
         worker.process.wait()
     _table(counts)
+    if counts.total() < options.at_least:
+        print(f"{counts.total()} inputs are too few: {options.at_least} were asked for")
+        return 1
     return int(any(end not in FINE for _, end in counts))
 
 

@@ -66,7 +66,8 @@ def _panoptic_cameras(joints: Joints) -> Files:
         "distCoef": [0] * 5,
     }
     camera |= {"R": np.eye(3).tolist(), "t": [[1.0], [2.0], [300.0]]}
-    return {"a.json": dumps({"cameras": [camera, camera | {"name": "00_01"}]})}
+    other = camera | {"name": "00_01", "t": [[-60.0], [2.0], [300.0]]}
+    return {"a.json": dumps({"cameras": [camera, other]})}
 
 
 def _load(path: Path) -> Any:
