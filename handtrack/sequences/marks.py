@@ -102,12 +102,17 @@ def _radii(hand: Array, place: Array) -> float:
     return float(np.linalg.norm(place - middle)) / radius if radius > 0 else float("inf")
 
 
+def _of_all_axes(said: Mask) -> Mask:
+    """(..., N) what is so in all three coordinates (..., N, 3)."""
+    return np.asarray(said[..., 0] & said[..., 1] & said[..., 2])
+
+
 def _zeros(joints: Array, missing: Mask) -> Mask:
     """(T, N) which joints at 0, 0, 0 are marks."""
-    at: Mask = by_blocks(lambda part: (part == 0).all(-1), joints)
+    at: Mask = by_blocks(lambda part: _of_all_axes(part == 0), joints)
     if not at.any():
         return at
-    there = np.isfinite(joints).all(-1) & ~missing
+    there = by_blocks(lambda part: _of_all_axes(np.isfinite(part)), joints) & ~missing
     some = (there & ~at).any(1)
     always = np.flatnonzero((at | ~there)[some].all(0) & at[some].any(0))
     if not len(always) or not some.any():

@@ -255,12 +255,13 @@ def _joints(table: Table, titles: list[str], places: HandColumns) -> tuple[Array
     n = len(table.lines)
     joints = np.full((n, places.n_joints, 3), np.nan)
     at = np.array(list(places.joints), dtype=np.int64)
-    columns = list(places.joints.values())
-    joints[:, at[:, 0], at[:, 1]] = table.numbers(columns, [titles[c] for c in columns])
     sure = places.confidence
+    columns = [*places.joints.values(), *sure.values()]  # each look at the text costs the same
+    numbers = table.numbers(columns, [titles[c] for c in columns])
+    values = numbers[:, len(at) :]
+    joints[:, at[:, 0], at[:, 1]] = numbers[:, : len(at)]
     if not sure:
         return joints, None
-    values = table.numbers(list(sure.values()), [titles[c] for c in sure.values()])
     confidence = np.ones((n, places.n_joints))
     for joint, said in zip(sure, values.T, strict=True):
         # a whole hand's confidence counts for each joint
