@@ -56,7 +56,8 @@ def _deep_at_the_wrist(joints: Array, whole: NDArray[np.bool_]) -> bool:
         low = np.fmin(low, np.fmin.reduce(rows, axis=0))
         high = np.fmax(high, np.fmax.reduce(rows, axis=0))
         deepest = np.abs(joints[part, 0, 2][whole[part]]).max(initial=deepest)
-    extent = np.fmax.reduce(high.reshape(-1, 3)) - np.fmin.reduce(low.reshape(-1, 3))
+    with np.errstate(over="ignore"):  # what extends so far is no hand
+        extent = np.fmax.reduce(high.reshape(-1, 3)) - np.fmin.reduce(low.reshape(-1, 3))
     return bool(deepest >= AT_ZERO * extent.max())
 
 
