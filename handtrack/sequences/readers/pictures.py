@@ -37,11 +37,11 @@ def seen_in_picture(raw: Raw, normalised: bool = False) -> Raw:
     wrist = seen[:, 0]
     with np.errstate(over="ignore"):  # what extends so far is no hand
         extent = float(np.ptp(seen, axis=(0, 1)).max())
+        deep = float(np.ptp(seen[..., 2])) > 0
     flat = np.abs(wrist[:, 2]).max() < AT_ZERO * extent
     # a hand in its own frame is about its wrist
     away = len(seen) == 1 and np.abs(wrist[:, :2]).min() > _AWAY * extent
     moves = normalised or away or np.ptp(wrist[:, :2], axis=0).max() > 10 * AT_ZERO * extent
-    deep = float(np.ptp(seen[..., 2])) > 0
     if not (flat and moves and deep) or seen[..., :2].min() < -0.5:
         return raw
     return replace(raw, picture="deep")
