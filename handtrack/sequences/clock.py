@@ -264,6 +264,9 @@ def _unit(
     if found is None:
         usual = [u for u in UNIT_NS if SLOWEST <= _fps(step, u) < FASTEST * (1 + 1e-9)]
         found = usual[-1] if usual else None
+    if found is None and stated is not None and _fps(step, stated) < LEAST:
+        # few frames with long gaps, as are found in clips of single pictures
+        return stated, Note(f"{name} in {stated} makes {_fps(step, stated):.3g} frames/s", "time")
     if found is None:
         raise InputError(
             f"{name} goes up by {step:.4g} a frame, in no unit 1 to 1000 frames/s ({_CURE},"

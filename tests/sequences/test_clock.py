@@ -329,3 +329,10 @@ def test_random_damage_never_leaves_time_that_stands_still():
         assert (np.diff(clock.time_ns) > 0).all()
         assert clock.notes or (np.diff(times) > 0).all()
     assert refused < 150
+
+
+def test_pictures_minutes_apart_are_as_far_apart_as_their_stamps_say():
+    apart = np.array([0, 27 * 10**9, 90 * 10**9])
+    clock = read_clock(3, Path("a.npz"), Stamps(apart, "time_ns", "ns"))
+    np.testing.assert_array_equal(clock.time_ns, apart)
+    assert any("frames/s" in note for note in clock.notes)
