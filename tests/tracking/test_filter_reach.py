@@ -11,7 +11,7 @@ from filter_cases import MODEL, steady
 import handtrack as ht
 from handtrack.errors import InputError, SettingsError
 from handtrack.sequences.sequence import Remark
-from handtrack.tracking import events
+from handtrack.tracking import sequence_track
 from handtrack.tracking.filterpy_filter import FilterPyFilter
 from handtrack.tracking.filters import make_filter
 from handtrack.tracking.kalman import DriftingFilter, KalmanFilter
@@ -49,21 +49,17 @@ def test_a_gap_is_bridged_up_to_twice_the_coast_and_the_end_held_for_one():
 
 def test_remarks_are_about_frames_from_their_first_to_their_last():
     @dataclasses.dataclass
-    class Fitted:
-        times_ns: np.ndarray
-        reasons: list[str]
+    class Part:
+        time_ns: np.ndarray
+        reason: np.ndarray
 
-    @dataclasses.dataclass
-    class Made:
-        fitted: Fitted
-
-    block = Made(Fitted(np.array([10, 20, 30, 40]), ["", "rejected", "", ""]))
+    part = Part(np.array([10, 20, 30, 40]), np.array(["", "rejected", "", ""]))
     remarks = [Remark(20, 30, "mirrored"), Remark(40, 40, "swapped"), Remark(41, 50, "later")]
-    found = events.with_remarks(block, remarks)
-    assert found.fitted.reasons == ["", "mirrored; rejected", "mirrored", "swapped"]
-    assert block.fitted.reasons == ["", "rejected", "", ""]
+    found = sequence_track._with_remarks(part, remarks)
+    assert found.tolist() == ["", "mirrored; rejected", "mirrored", "swapped"]
+    assert part.reason.tolist() == ["", "rejected", "", ""]
     remarks += [Remark(10, 12, "first"), Remark(9, 30, "begun before")]
-    told = [e.text for e in events.remark_events(remarks, block)]
+    told = [e.text for e in sequence_track._begun(remarks, part)]
     assert told == ["mirrored", "swapped", "first"]
 
 

@@ -106,3 +106,15 @@ def ways(of: str) -> tuple[Way, ...]:
 def kinds() -> Mapping[str, Read]:
     """Readers of a file's content by the name of their format."""
     return dict(sorted(item for f in formats() for item in f.kinds.items()))
+
+
+@cache
+def numbered_names() -> tuple[tuple[re.Pattern[str], Callable[..., list[Raw]]], ...]:
+    """Names of files that make one sequence with others, and who reads them."""
+    return tuple(f.numbered for f in formats() if f.numbered is not None)
+
+
+@cache
+def suffixes() -> frozenset[str]:
+    """Endings of files that are looked into in a folder."""
+    return frozenset(s for f in formats() for s in f.suffixes)

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 import msgspec
@@ -14,7 +12,7 @@ import msgspec
 from handtrack.errors import InputError
 from handtrack.files import budget
 from handtrack.sequences.readers import keypoints_2d, panoptic
-from handtrack.sequences.readers.catalogue import formats
+from handtrack.sequences.readers.catalogue import numbered_names, suffixes
 from handtrack.sequences.readers.jsontext import decode
 from handtrack.sequences.readers.raw import Raw
 from handtrack.sequences.readers.recognise import read_file
@@ -24,12 +22,6 @@ from handtrack.sequences.readers.single_frames import read_single_frames, togeth
 _NOT_DATA = ("readme", "license", "licence", "copying", "changelog", "notice")
 # Panoptic's bodies and faces, thousands of files beside the hands
 _OTHER_PANOPTIC = ("body3DScene_", "faceRecon3D_")
-
-
-@cache
-def _numbered() -> tuple[tuple[re.Pattern[str], Callable[..., list[Raw]]], ...]:
-    """Files that make one sequence by their names, and who reads them."""
-    return tuple(f.numbered for f in formats() if f.numbered is not None)
 
 
 @dataclass(frozen=True)
@@ -49,7 +41,7 @@ class Source:
     def read(self, frames: tuple[int, int] | None = None, kind: str | None = None) -> list[Raw]:
         """Its sequences; arguments and errors as `recognise.read_file`."""
         paths = [self.folder / name for name in self.names]
-        for name, read in _numbered():
+        for name, read in numbered_names():
             if name.fullmatch(self.names[0]):
                 return read(paths, self.folder, frames)
         if not self.people:
@@ -104,24 +96,19 @@ def may_be_data(name: str) -> bool:
     if is_ignored(name):
         return False
     # other endings (videos, pictures, notes) are not looked into; pickles of other names are models
-    return os.path.splitext(lower)[1] in _suffixes() or _is_numbered(name)
-
-
-@cache
-def _suffixes() -> frozenset[str]:
-    return frozenset(s for f in formats() for s in f.suffixes)
+    return os.path.splitext(lower)[1] in suffixes() or _is_numbered(name)
 
 
 def _is_numbered(name: str) -> bool:
     """Whether files of that name make a sequence with others by their format."""
-    return any(pattern.fullmatch(name) for pattern, _ in _numbered())
+    return any(pattern.fullmatch(name) for pattern, _ in numbered_names())
 
 
 def together_by_name(names: list[str]) -> list[list[str]]:
     """Files of a folder that is not at hand, as far as their names tell: those of formats with
     numbered files together, all others alone."""
     groups: list[list[str]] = []
-    for pattern in (*(pattern for pattern, _ in _numbered()), panoptic.FILE_NAME):
+    for pattern in (*(pattern for pattern, _ in numbered_names()), panoptic.FILE_NAME):
         together = [name for name in names if pattern.fullmatch(name)]
         names = [name for name in names if not pattern.fullmatch(name)]
         groups += _by_video(together)
@@ -139,7 +126,7 @@ def _by_video(names: list[str]) -> list[list[str]]:
 def _groups(names: list[str], here: Path) -> Iterator[list[str]]:
     """Single files, and the numbered files of a sequence together."""
     numbered: dict[str, list[str]] = {}
-    for pattern, _ in _numbered():
+    for pattern, _ in numbered_names():
         together = [name for name in names if pattern.fullmatch(name)]
         if together:
             taken = set(together)
