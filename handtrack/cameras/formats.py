@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.cameras.camera import Camera
-from handtrack.cameras.named import from_named, read_arrays, read_xml, read_yaml
+from handtrack.cameras.named import from_fields, from_named
+from handtrack.cameras.named_files import read_arrays, read_xml, read_yaml
 from handtrack.cameras.numbers import (
     as_number,
     entry,
@@ -98,6 +100,8 @@ def load_cameras(path: str | Path, unit: str | None = None) -> list[Camera]:
       of cameras, `K` (C, 3, 3) and so on; one camera may lack `R` and `T`: the world is its frame;
     - YAML of ROS: `camera_info` files, and messages as `ros2 topic echo` prints them; where a
       pair was calibrated together its world is the rectified frame of the first;
+    - JSON with the same names, `fx fy cx cy` and `k1 k2 p1 p2` among them, of one camera or of an
+      object for each;
     - JSON as CMU Panoptic gives it: `cameras` with `name`, `resolution`, `K`, `distCoef`, `R`,
       `t`; of its cameras the `hd` ones;
     - pairs of .dat: `NAME.dat` with `intrinsic:` and `distortion:`, `rot_trans_NAME.dat` with
@@ -138,7 +142,10 @@ def _of_file(path: Path, scale: float | None) -> list[Camera]:
         if path.suffix == ".dat":
             return from_dats([path], path.parent, metre)
         if text.lstrip().startswith("{"):
-            return _from_panoptic(text, path, scale or METRES["cm"])
+            data = parse_json(text, path, "not valid JSON")
+            if not isinstance(data.get("cameras"), list):
+                return from_fields(data, path, metre)
+            return _from_panoptic(data, path, scale or METRES["cm"])
         if text.lstrip().startswith("<?xml") or path.suffix == ".xml":
             return from_named(read_xml(text), path, metre)
         if text.startswith("%YAML") or path.suffix in (".yml", ".yaml"):
@@ -148,8 +155,7 @@ def _of_file(path: Path, scale: float | None) -> list[Camera]:
             raise
         raise InputError(str(error), path) from None
     raise InputError(
-        "not a calibration: expected TOML, OpenCV's YAML or XML, ROS's YAML, Panoptic's JSON,"
-        " .dat or .npz",
+        "not a calibration: expected TOML, OpenCV's YAML or XML, ROS's YAML, JSON, .dat or .npz",
         path,
     )
 
@@ -212,10 +218,9 @@ def _from_toml(text: str, path: Path, metre: float) -> list[Camera]:
     return _distinct(cameras, path)
 
 
-def _from_panoptic(text: str, path: Path, metre: float) -> list[Camera]:
-    data = parse_json(text, path, "not valid JSON")
-    found = data.get("cameras")
-    if not isinstance(found, list) or not all(isinstance(c, dict) for c in found):
+def _from_panoptic(data: dict[str, Any], path: Path, metre: float) -> list[Camera]:
+    found = data["cameras"]
+    if not all(isinstance(c, dict) for c in found):
         raise InputError("no cameras in it: expected a list under `cameras`", path)
     kinds = {c.get("type", "hd") == "hd" for c in found}
     wanted = [c for c in found if c.get("type", "hd") == "hd" or True not in kinds]

@@ -1,4 +1,4 @@
-"""Cameras of matrices that have names, as OpenCV, ROS and NumPy write them.
+"""Cameras of matrices that have names, as OpenCV, ROS, NumPy and JSON have them.
 
 One camera, a stereo pair, a stack, or ROS's camera_info.
 """
@@ -8,128 +8,17 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple, TypeVar
-from xml.etree import ElementTree
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.cameras.camera import Camera
+from handtrack.cameras.named_files import Named, read_fields
 from handtrack.cameras.numbers import as_number, entry, name, numbers, rotation, size
 from handtrack.errors import InputError, shown
-from handtrack.files import npz
 
 Array = NDArray[np.float64]
-
-
-class Named(NamedTuple):
-    """What a calibration file holds.
-
-    Attributes:
-        matrices: by name; one row or column of numbers too.
-        words: text and single numbers by name.
-    """
-
-    matrices: dict[str, Array]
-    words: dict[str, str]
-
-
-_WRITTEN = re.compile(
-    r"^(?P<name>\w{1,80}):[ \t]*(?:!!opencv-matrix)?\s{1,80}rows:[ \t]*(?P<rows>\d{1,4})\s{1,80}"
-    r"cols:[ \t]*(?P<columns>\d{1,4})\s{1,80}(?:dt:[ \t]*\w{1,9}\s{1,80})?"
-    r"data:\s{0,80}\[(?P<data>[^\]]{0,1000})\]",
-    re.MULTILINE,
-)
-_ROW = re.compile(r"^(?P<name>\w{1,80}):[ \t]*\[(?P<data>[^\]]{0,1000})\]", re.MULTILINE)
-_BLOCK = re.compile(
-    r"^(?P<name>\w{1,80}):[ \t]*\n"
-    r"(?P<data>(?:[ \t]{0,20}-[ \t]{1,20}[^\s\[\]:]{1,40}[ \t]*\n){1,40})",
-    re.MULTILINE,
-)
-_WORD = re.compile(r"^(?P<name>\w{1,80}):[ \t]*(?P<value>[^\s!\[][^\n]{0,300})$", re.MULTILINE)
-
-
-def read_yaml(text: str) -> Named:
-    """OpenCV's FileStorage, whose first line general YAML readers refuse, and ROS's files and
-    messages: matrices, lists and words by name.
-
-    Raises:
-        InputError: a name twice, or what is no number among numbers.
-    """
-    matrices: dict[str, Array] = {}
-    for match in _WRITTEN.finditer(text):
-        shape = int(match["rows"]), int(match["columns"])
-        words = match["data"].replace(",", " ").split()
-        _add(matrices, match["name"], _read(words, match["name"], shape))
-    for pattern, marks in ((_ROW, ","), (_BLOCK, "-")):
-        for match in pattern.finditer(text if marks == "," else text + "\n"):
-            data = match["data"].replace(",", " ") if marks == "," else match["data"]
-            words = [w for w in data.split() if w != "-"]
-            if words:
-                _add(matrices, match["name"], _read(words, match["name"], (1, len(words))))
-    found: dict[str, str] = {}
-    for match in _WORD.finditer(text):
-        if match["name"] in found:
-            raise InputError(f"{match['name']} is there twice")
-        found[match["name"]] = match["value"].strip().strip("\"'")
-    return Named(matrices, found)
-
-
-def read_xml(text: str) -> Named:
-    """OpenCV's FileStorage as XML.
-
-    Raises:
-        InputError: no XML, or one that declares what it is made of; a name twice, or what is no
-            number among numbers.
-    """
-    if "<!" in text.replace("<!--", ""):
-        raise InputError("not a calibration: XML with declarations, which are not read")
-    try:
-        root = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, ValueError) as error:
-        raise InputError(f"not valid XML: {shown(str(error), 120)}") from None
-    matrices: dict[str, Array] = {}
-    words: dict[str, str] = {}
-    for element in root:
-        name = str(element.tag)
-        rows, columns, data = (element.findtext(n) for n in ("rows", "cols", "data"))
-        if data is not None:
-            shape = (
-                int(as_number(rows or "", f"{name}'s rows")),
-                int(as_number(columns or "", f"{name}'s cols")),
-            )
-            _add(matrices, name, _read(data.split(), name, shape))
-        elif not len(element) and element.text:
-            words[name] = element.text.strip().strip('"')
-    return Named(matrices, words)
-
-
-def read_arrays(path: Path) -> Named:
-    """Arrays of a .npz.
-
-    Raises:
-        InputError: damaged, or numbers that are not finite.
-    """
-    arrays, _ = npz.read_npz(path, path)
-    matrices: dict[str, Array] = {}
-    words: dict[str, str] = {}
-    for key, value in arrays.items():
-        array = np.asarray(value)
-        if array.dtype.kind in "fiu" and array.ndim:
-            matrices[key] = array.astype(np.float64)
-        elif array.ndim == 0 and array.dtype.kind in "fiuU":
-            words[key] = str(array.item())
-    return Named(matrices, words)
-
-
-def _add(matrices: dict[str, Array], name: str, matrix: Array) -> None:
-    if name in matrices:
-        raise InputError(f"{name} is there twice")
-    matrices[name] = matrix
-
-
-def _read(words: list[str], name: str, shape: tuple[int, int]) -> Array:
-    return numbers([as_number(word, name) for word in words], name, shape).reshape(shape)
 
 
 T = TypeVar("T")
@@ -138,11 +27,26 @@ _MATRIX = ("camera_matrix", "K", "cameraMatrix", "intrinsic", "intrinsics", "mtx
 _LENS = ("distortion_coefficients", "D", "distCoeffs", "dist", "distortion", "distortions")
 _TURN = ("R", "rotation", "rvec", "rotations", "rvecs")
 _MOVE = ("T", "t", "translation", "tvec", "translations", "tvecs")
+_LENSES = tuple(
+    f"{name}{i}" for i in (1, 2) for name in ("D", "dist", "distCoeffs", "distortion_coefficients_")
+)
 _OF_BOARDS = ("rvecs", "tvecs")
 _BOTH = ("extrinsic", "extrinsics", "RT", "Rt")
 _FIRST = tuple(n + end for n in ("K", "M", "cameraMatrix", "mtx", "camera_matrix_") for end in "1")
 _FIRST += ("camera_matrix1",)
 _ROS = ("projection_matrix", "P", "p")
+_CALLED = {
+    "camera_matrix": "cameramatrix k intrinsicmatrix cammatrix cammtx cameramtx matrixk",
+    "distortion_coefficients": "distortioncoefficients d distcoeffs distcoeff distcoefs distcoef"
+    " distortioncoeffs distortioncoeff distortioncoef distortioncoefs coeffs lensdistortion",
+    "R": "rotationmatrix rotmat rmat rotationvector",
+    "T": "translationvector transvec",
+}
+"""More names, without capitals and what stands between words."""
+_SIDES = {"1": "1", "2": "2", "left": "1", "right": "2", "l": "1", "r": "2"}
+_LENGTHS = (("fx", "fy", "cx", "cy"), ("fx", "fy", "ppx", "ppy"))
+_NUMBERED = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+_SIZES = ("image_size", "imageSize", "img_size", "resolution", "size")
 _TURNS = ((3, 3), (3, 1), (1, 3), (3,), (1, 9))
 _FISHEYE = ("equidistant", "fisheye", "kannala_brandt")
 
@@ -158,10 +62,13 @@ def from_named(found: Named, path: Path, metre: float) -> list[Camera]:
     Raises:
         InputError: it has no camera matrix, or one that does not fit.
     """
+    found = _with_known_names(found)
     matrices = found.matrices
-    model = found.words.get("distortion_model", "").lower()
-    if model in _FISHEYE:
+    model = found.words.get("distortion_model", found.words.get("model", "")).lower()
+    if any(kind in model for kind in _FISHEYE):
         raise InputError(f"distortion_model {model} is a fisheye's, which is not understood")
+    if "inverse" in model and np.any(_first(matrices, _LENS, np.zeros(5))):
+        raise InputError(f"distortion_model {model} is not understood")
     if any(key in matrices for key in _ROS):
         return [_from_ros(found, path)]
     if any(key in matrices for key in _FIRST):
@@ -173,11 +80,88 @@ def from_named(found: Named, path: Path, metre: float) -> list[Camera]:
     return [_from_one(found, path, metre)]
 
 
+def from_fields(data: dict[str, Any], path: Path, metre: float) -> list[Camera]:
+    """The cameras of a JSON object: it is one, or each object in it.
+
+    Raises:
+        InputError: as `from_named`.
+    """
+    inside = {k: v for k, v in data.items() if isinstance(v, dict)}
+    own = [k for k, v in inside.items() if _has_matrix(_with_known_names(read_fields(v)))]
+    if len(own) < 2:
+        found = read_fields(data)
+        if not _with_known_names(found).matrices:
+            raise InputError(
+                "no cameras in it: expected a list under `cameras`, or a camera_matrix"
+            )
+        return from_named(found, path, metre)
+    cameras = []
+    for key in own:
+        found = read_fields(inside[key])
+        try:
+            cameras += from_named(
+                Named(found.matrices, {"camera_name": key} | found.words), path, metre
+            )
+        except InputError as error:
+            raise InputError(f"{shown(key, 60)}: {error}") from None
+    return cameras
+
+
+def _has_matrix(found: Named) -> bool:
+    return any(key in found.matrices for key in _MATRIX)
+
+
+def _with_known_names(found: Named) -> Named:
+    """The same under names that are looked for; focal lengths and the like as matrices.
+
+    Raises:
+        InputError: what is called a distortion by no name that is understood.
+    """
+    known = {*_MATRIX, *_LENS, *_LENSES, *_TURN, *_MOVE, *_BOTH, *_FIRST, *_ROS}
+    matrices: dict[str, Array] = {}
+    for key, value in found.matrices.items():
+        other = key if key in known else _known_name(key)
+        matrices[key if other in found.matrices or other in matrices else other] = value
+    words = found.words
+    for four in _LENGTHS:
+        if not any(k in matrices for k in _MATRIX) and all(k in words for k in four):
+            fx, fy, cx, cy = (as_number(words[k], k) for k in four)
+            matrices["camera_matrix"] = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
+    lenses = (*_LENS, *_LENSES)
+    if not any(k in matrices for k in lenses) and "k1" in words:
+        bent = [as_number(words.get(k, "0"), k) for k in _NUMBERED]
+        matrices["distortion_coefficients"] = np.array(bent)
+    for key, value in matrices.items():
+        if "dist" in key.lower() and key not in lenses and value.size >= 4:
+            raise InputError(
+                f"{shown(key, 60)} is not understood, expected distortion_coefficients"
+            )
+    return Named(matrices, words)
+
+
+def _known_name(key: str) -> str:
+    plain = re.sub(r"[\W_]", "", key).lower()
+    for called, others in _CALLED.items():
+        if plain in others.split():
+            return called
+    for end, number in _SIDES.items():
+        base = plain.removesuffix(end)
+        if base == plain or (end in "lr" and len(base) < 3):
+            continue
+        if base in ("mtx", *_CALLED["camera_matrix"].split()):
+            return f"K{number}"
+        if base in ("dist", *_CALLED["distortion_coefficients"].split()):
+            return f"D{number}"
+    return key
+
+
 def _from_one(found: Named, path: Path, metre: float) -> Camera:
     matrices, where = found.matrices, "the file"
     matrix = entry(matrices, _MATRIX, where)
-    if matrix.shape != (3, 3):
+    if matrix.size != 9:
         raise InputError(f"camera_matrix has shape {matrix.shape}")
+    if matrix.shape != (3, 3) and matrix.ravel()[2] == 0 < matrix.ravel()[6]:
+        matrix = matrix.reshape(3, 3).T  # a column after the other, as Open3D writes it
     # cv2.calibrateCamera gives the places of its board as well, one for each picture
     matrices = {k: v for k, v in matrices.items() if k not in _OF_BOARDS or v.size == 3}
     placed = any(key in matrices for key in (*_TURN, *_MOVE, *_BOTH))
@@ -189,7 +173,7 @@ def _from_one(found: Named, path: Path, metre: float) -> Camera:
         _first(matrices, _LENS, np.zeros(5)).ravel(),
         turn,
         metre * move,
-        _size(found.words),
+        _size(found),
     )
 
 
@@ -219,7 +203,7 @@ def _from_pair(found: Named, path: Path, metre: float) -> list[Camera]:
     cameras = []
     for i, (r, t) in enumerate(poses, 1):
         matrix = entry(matrices, (f"{key[:-1]}{i}",), "the file")
-        lens = tuple(f"{n}{i}" for n in ("D", "dist", "distCoeffs", "distortion_coefficients_"))
+        lens = tuple(name for name in _LENSES if name.endswith(str(i)))
         cameras.append(
             Camera(
                 f"{path.stem} {i}",
@@ -227,7 +211,7 @@ def _from_pair(found: Named, path: Path, metre: float) -> list[Camera]:
                 _first(matrices, lens, np.zeros(5)).ravel(),
                 r,
                 t,
-                _size(found.words),
+                _size(found),
             )
         )
     return cameras
@@ -271,13 +255,10 @@ def _from_ros(found: Named, path: Path) -> Camera:
         raise InputError("P has no focal length: the camera is not calibrated")
     shift = np.array([p[0, 3] / p[0, 0], p[1, 3] / p[1, 1], 0.0])
     lens = _first(matrices, ("distortion_coefficients", "D", "d"), np.zeros(5))
-    words = found.words
-    plain = {"image_width": words.get("width"), "image_height": words.get("height")}
-    size_words = words if "image_width" in words else {k: v for k, v in plain.items() if v}
-    called = words.get("camera_name", path.stem)
+    called = found.words.get("camera_name", path.stem)
     return Camera(
         name(called, where), matrix, lens.ravel(), rectified.T, rectified.T @ shift,
-        _size(size_words),
+        _size(found),
     )  # fmt: skip
 
 
@@ -285,9 +266,11 @@ def _first(matrices: Mapping[str, Array], keys: tuple[str, ...], other: T) -> Ar
     return next((matrices[key] for key in keys if key in matrices), other)
 
 
-def _size(words: Mapping[str, str]) -> tuple[int, int] | None:
+def _size(found: Named) -> tuple[int, int] | None:
     """The pictures' size that a file says, or None."""
-    if "image_width" not in words or "image_height" not in words:
-        return None
-    pair = [as_number(words[key], key) for key in ("image_width", "image_height")]
-    return size(pair, "image size")
+    words = found.words
+    for keys in (("image_width", "image_height"), ("width", "height")):
+        if all(key in words for key in keys):
+            return size([as_number(words[key], key) for key in keys], "image size")
+    pair = _first(found.matrices, _SIZES, None)
+    return None if pair is None or pair.size != 2 else size(pair.ravel().tolist(), "image size")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -201,3 +202,74 @@ def test_what_is_wrong_is_named(tmp_path, name, text, says):
     with pytest.raises(InputError, match=says) as refused:
         ht.load_cameras(tmp_path / name)
     assert str(refused.value).startswith(str(tmp_path / name))
+
+
+K, D = [[900.0, 0, 640], [0, 905.0, 360], [0, 0, 1]], [0.1, -0.05, 0.001, -0.002, 0.01]
+FLAT = [x for row in K for x in row]
+_LINES = "".join(f"- - {a}\n  - {b}\n  - {c}\n" for a, b, c in K)
+_NUMBERS = dict(zip(("fx", "fy", "cx", "cy"), (900, 905, 640, 360), strict=True))
+LENSES = {
+    "flow.yaml": f"camera_matrix: {{rows: 3, cols: 3, data: {FLAT}}}\n"
+    f"distortion_coefficients: {{rows: 1, cols: 5, data: {D}}}\n",
+    "lists.yaml": f"camera_matrix: {K}\ndist_coeffs: {D}\n",
+    "rows.yaml": "camera_matrix:\n" + "".join(f"- {r}\n" for r in K) + f"dist_coeff:\n- {D}\n",
+    "lines.yml": "camera_matrix:\n" + _LINES + "dist:\n- - "
+    + "\n  - ".join(map(str, D)) + "\n",
+    "k.json": json.dumps({"K": K, "D": D}),
+    "names.json": json.dumps({"mtx": K, "dist_coeffs": [D]}),
+    "flat.json": json.dumps(
+        _NUMBERS | dict(zip(("k1", "k2", "p1", "p2", "k3"), D, strict=True))
+    ),
+    "inside.json": json.dumps({"intrinsics": _NUMBERS, "distortion": D}),
+    "realsense.json": json.dumps(
+        {"fx": 900, "fy": 905, "ppx": 640, "ppy": 360, "model": "brown_conrady", "coeffs": D}
+    ),
+    "columns.json": json.dumps({"intrinsic_matrix": np.transpose(K).ravel().tolist(), "D": D}),
+    "info.json": json.dumps(
+        {"k": FLAT, "d": D, "r": np.eye(3).ravel().tolist(), "p": [900, 0, 640, 0, 0, 905,
+         360, 0, 0, 0, 1, 0]}
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_a_lens_as_scripts_write_it(tmp_path, name):
+    (tmp_path / name).write_text(LENSES[name])
+    (camera,) = ht.load_cameras(tmp_path / name)
+    np.testing.assert_array_equal(camera.matrix, K)
+    np.testing.assert_array_equal(camera.distortion[:5], D)
+
+
+def test_arrays_by_other_names_lose_no_distortion(tmp_path):
+    np.savez(tmp_path / "a.npz", cameraMatrix=K, dist_coeffs=[D])
+    np.testing.assert_array_equal(ht.load_cameras(tmp_path / "a.npz")[0].distortion[:5], D)
+    np.savez(tmp_path / "b.npz", K=K, dist_of_mine=[D])
+    with pytest.raises(InputError, match="dist_of_mine is not understood"):
+        ht.load_cameras(tmp_path / "b.npz")
+    turn, move = vector_to_matrix(np.array([0.0, 0.4, 0.1])), [-0.3, 0.0, 0.05]
+    np.savez(tmp_path / "c.npz", mtxL=K, distL=D, mtxR=K, distR=D, R=turn, T=move)
+    first, second = ht.load_cameras(tmp_path / "c.npz")
+    np.testing.assert_array_equal(first.rotation, np.eye(3))
+    np.testing.assert_allclose(second.rotation, turn)
+    for camera in (first, second):
+        np.testing.assert_array_equal(camera.distortion[:5], D)
+
+
+def test_json_of_cameras_by_name_and_lenses_that_are_not_understood(tmp_path):
+    path, cameras = tmp_path / "rig.json", rig(2)
+    told = {
+        c.name: {"K": c.matrix.tolist(), "dist": c.distortion.tolist(), "R": c.rotation.tolist(),
+                 "t": c.translation.tolist()}
+        for c in cameras
+    }  # fmt: skip
+    path.write_text(json.dumps(told))
+    found = ht.load_cameras(path)
+    same(found, cameras)
+    assert [c.name for c in found] == [c.name for c in cameras]
+    for model in ("distortion.inverse_brown_conrady", "kannala_brandt4"):
+        path.write_text(json.dumps({"K": K, "coeffs": D, "model": model}))
+        with pytest.raises(InputError, match=model):
+            ht.load_cameras(path)
+    path.write_text(json.dumps({"camera_matrix": [[900, 0], [0, 905, 3], [0, 0, 1]]}))
+    with pytest.raises(InputError, match="rows of different length"):
+        ht.load_cameras(path)

@@ -92,7 +92,7 @@ BAD_PANOPTIC = [
 BAD_OPENCV = [
     *({"camera_matrix": v} for v in ("1, 2", ".nan, 0, 0, 0, 1, 0, 0, 0, 1", "a, b", "")),
     *({"camera_matrix": f"{v}, 0, 0, 0, 1, 0, 0, 0, 1"} for v in ("nan", "1e999")),
-    {"camera_matrix_shape": "1 9"},
+    {"camera_matrix_shape": "1 8"},
     {"camera_matrix_shape": "9999 9999"},
     *({"R": v} for v in ("1, 0, 0, 0, 1, 0, 0, 0, -1", "1, 2, 3", "2, 0, 0, 0, 2, 0, 0, 0, 2")),
     *({"T": v} for v in ("nan, 0, 0", "inf, 0, 0", "1, 2")),
