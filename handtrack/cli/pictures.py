@@ -76,8 +76,8 @@ def picture_options(command: Any) -> Any:
             metavar="FILE",
             help="Calibration of the cameras that took the videos, in their order: aniposelib's"
             " TOML, OpenCV's YAML or XML, ROS's camera_info, JSON (Panoptic's too), .npz, .dat; a"
-            " file or a folder of them. Of files of landmarks in pictures (MediaPipe's, OpenPose's ...) as"
-            " well.",
+            " file or a folder of them. Of files of landmarks in pictures (MediaPipe's, OpenPose's"
+            " ...) as well.",
         ),
         click.option(
             "--board-unit",

@@ -87,7 +87,7 @@ class TransformEncoder:
         angles, quaternion = states.angles[frames], states.quaternion[frames]
         translation = states.translation[frames]
         known = np.asarray(np.isfinite(np.hstack([angles, quaternion, translation])).all(1))
-        with np.errstate(invalid="ignore"):
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # of any model
             rotations = self._model.rotations(np.where(known[:, None], angles, 0.0))
             parents = rotations[:, PART_PARENT]
             local = matrix_to_quaternion(np.swapaxes(parents, -1, -2) @ rotations)

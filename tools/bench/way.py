@@ -74,9 +74,11 @@ def of_track(*options: str, frames: int = 3000) -> Calls:
     from handtrack.cli import cli
 
     counted = []
-    for n in (frames, 2 * frames):
-        with tempfile.TemporaryDirectory() as folder:
-            source, to = Path(folder, "clip.npz"), Path(folder, "clip.mcap")
+    # one folder: what looks at its name, which is random, does it as often for both
+    with tempfile.TemporaryDirectory() as folder:
+        source, to = Path(folder, "clip.npz"), Path(folder, "clip.mcap")
+        for n in (frames, 2 * frames):
+            to.unlink(missing_ok=True)
             seen = clip(n)
             np.savez(source, joints=seen.joints, time_ns=seen.time_ns, hand="right")
             told = ["track", str(source), "-o", str(to), "--quiet", *options]
