@@ -107,10 +107,15 @@ def read_fields(fields: dict[str, Any]) -> Named:
     words: dict[str, str] = {}
     for key, value in fields.items():
         if isinstance(value, dict) and isinstance(value.get("data"), list):
-            shape = value.get("rows"), value.get("cols", value.get("columns"))
+            rows, columns = value.get("rows"), value.get("cols", value.get("columns"))
             flat = numbers(value["data"], shown(key, 40))
-            if all(type(n) is int and n > 0 for n in shape) and shape[0] * shape[1] == flat.size:
-                flat = flat.reshape(shape)
+            if (
+                type(rows) is int
+                and type(columns) is int
+                and rows > 0
+                and rows * columns == flat.size
+            ):
+                flat = flat.reshape(rows, columns)
             _add(matrices, key, flat)
         elif isinstance(value, dict):
             inner = read_fields({k: v for k, v in value.items() if not isinstance(v, dict)})

@@ -270,6 +270,8 @@ def test_json_of_cameras_by_name_and_lenses_that_are_not_understood(tmp_path):
         path.write_text(json.dumps({"K": K, "coeffs": D, "model": model}))
         with pytest.raises(InputError, match=model):
             ht.load_cameras(path)
+    path.write_text(json.dumps({"camera_matrix": {"rows": -3, "cols": -3, "data": FLAT}}))
+    np.testing.assert_array_equal(ht.load_cameras(path)[0].matrix, K)
     path.write_text(json.dumps({"camera_matrix": [[900, 0], [0, 905, 3], [0, 0, 1]]}))
     with pytest.raises(InputError, match="rows of different length"):
         ht.load_cameras(path)
