@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.cameras.camera import Camera
-from handtrack.cameras.named import from_fields, from_named
+from handtrack.cameras.named import LENS_NAMES, from_fields, from_named
 from handtrack.cameras.named_files import read_arrays, read_xml, read_yaml
 from handtrack.cameras.numbers import (
     as_number,
@@ -143,9 +143,7 @@ def _of_file(path: Path, scale: float | None) -> list[Camera]:
             return from_dats([path], path.parent, metre)
         if text.lstrip().startswith("{"):
             data = parse_json(text, path, "not valid JSON")
-            if not isinstance(data.get("cameras"), list):
-                return from_fields(data, path, metre)
-            return _from_panoptic(data, path, scale or METRES["cm"])
+            return _from_json(data, path, scale)
         if text.lstrip().startswith("<?xml") or path.suffix == ".xml":
             return from_named(read_xml(text), path, metre)
         if text.startswith("%YAML") or path.suffix in (".yml", ".yaml"):
@@ -183,6 +181,21 @@ def _distinct(cameras: list[Camera], path: Path) -> list[Camera]:
     return cameras
 
 
+def _lens(table: dict[str, Any], usual: str, where: str) -> Array:
+    """A lens's distortion, under its name or a usual one; none where nothing is called so.
+
+    Raises:
+        InputError: what is called a distortion by another name.
+    """
+    key = next((k for k in (usual, *LENS_NAMES) if k in table), None)
+    if key is not None:
+        return numbers(table[key], f"{where} {key}")
+    odd = [k for k in table if "dist" in k.lower() and isinstance(table[k], list)]
+    if odd:
+        raise InputError(f"{where} {shown(odd[0], 60)} is not understood, expected {usual}")
+    return np.zeros(0)
+
+
 def _from_toml(text: str, path: Path, metre: float) -> list[Camera]:
     tables = parse_toml(text, path, "not valid TOML")
     cameras = []
@@ -196,7 +209,7 @@ def _from_toml(text: str, path: Path, metre: float) -> list[Camera]:
             Camera(
                 name(table.get("name", key), where),
                 numbers(entry(table, ("matrix",), where), f"{where} matrix", (3, 3)).reshape(3, 3),
-                numbers(table.get("distortions", []), f"{where} distortions"),
+                _lens(table, "distortions", where),
                 rotation(
                     numbers(
                         entry(table, ("rotation",), where),
@@ -218,6 +231,16 @@ def _from_toml(text: str, path: Path, metre: float) -> list[Camera]:
     return _distinct(cameras, path)
 
 
+def _from_json(data: dict[str, Any], path: Path, scale: float | None) -> list[Camera]:
+    """Panoptic's list of cameras, or any other's; one camera, or an object for each."""
+    found = data.get("cameras", data)
+    if isinstance(found, list):
+        if any(not isinstance(c, dict) or "K" in c for c in found) or not found:
+            return _from_panoptic(data, path, scale or METRES["cm"])
+        found = {str(c.get("name", c.get("id", i))): c for i, c in enumerate(found)}
+    return from_fields(found if isinstance(found, dict) else data, path, scale or 1.0)
+
+
 def _from_panoptic(data: dict[str, Any], path: Path, metre: float) -> list[Camera]:
     found = data["cameras"]
     if not all(isinstance(c, dict) for c in found):
@@ -231,7 +254,7 @@ def _from_panoptic(data: dict[str, Any], path: Path, metre: float) -> list[Camer
             Camera(
                 name(c.get("name", i), where),
                 numbers(entry(c, ("K",), where), f"{where} K", (3, 3)).reshape(3, 3),
-                numbers(c.get("distCoef", []), f"{where} distCoef"),
+                _lens(c, "distCoef", where),
                 numbers(entry(c, ("R",), where), f"{where} R", (3, 3)).reshape(3, 3),
                 metre * numbers(entry(c, ("t",), where), f"{where} t", (3,), (3, 1)),
                 None

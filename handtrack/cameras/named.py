@@ -24,10 +24,10 @@ Array = NDArray[np.float64]
 T = TypeVar("T")
 
 _MATRIX = ("camera_matrix", "K", "cameraMatrix", "intrinsic", "intrinsics", "mtx", "matrix")
-_LENS = ("distortion_coefficients", "D", "distCoeffs", "dist", "distortion", "distortions")
+LENS_NAMES = ("distortion_coefficients", "D", "distCoeffs", "dist", "distortion", "distortions")
 _TURN = ("R", "rotation", "rvec", "rotations", "rvecs")
 _MOVE = ("T", "t", "translation", "tvec", "translations", "tvecs")
-_LENSES = tuple(
+_BOTH_LENSES = tuple(
     f"{name}{i}" for i in (1, 2) for name in ("D", "dist", "distCoeffs", "distortion_coefficients_")
 )
 _OF_BOARDS = ("rvecs", "tvecs")
@@ -67,7 +67,7 @@ def from_named(found: Named, path: Path, metre: float) -> list[Camera]:
     model = found.words.get("distortion_model", found.words.get("model", "")).lower()
     if any(kind in model for kind in _FISHEYE):
         raise InputError(f"distortion_model {model} is a fisheye's, which is not understood")
-    if "inverse" in model and np.any(_first(matrices, _LENS, np.zeros(5))):
+    if "inverse" in model and np.any(_first(matrices, LENS_NAMES, np.zeros(5))):
         raise InputError(f"distortion_model {model} is not understood")
     if any(key in matrices for key in _ROS):
         return [_from_ros(found, path)]
@@ -117,7 +117,7 @@ def _with_known_names(found: Named) -> Named:
     Raises:
         InputError: what is called a distortion by no name that is understood.
     """
-    known = {*_MATRIX, *_LENS, *_LENSES, *_TURN, *_MOVE, *_BOTH, *_FIRST, *_ROS}
+    known = {*_MATRIX, *LENS_NAMES, *_BOTH_LENSES, *_TURN, *_MOVE, *_BOTH, *_FIRST, *_ROS}
     matrices: dict[str, Array] = {}
     for key, value in found.matrices.items():
         other = key if key in known else _known_name(key)
@@ -127,7 +127,7 @@ def _with_known_names(found: Named) -> Named:
         if not any(k in matrices for k in _MATRIX) and all(k in words for k in four):
             fx, fy, cx, cy = (as_number(words[k], k) for k in four)
             matrices["camera_matrix"] = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
-    lenses = (*_LENS, *_LENSES)
+    lenses = (*LENS_NAMES, *_BOTH_LENSES)
     if not any(k in matrices for k in lenses) and "k1" in words:
         bent = [as_number(words.get(k, "0"), k) for k in _NUMBERED]
         matrices["distortion_coefficients"] = np.array(bent)
@@ -170,7 +170,7 @@ def _from_one(found: Named, path: Path, metre: float) -> Camera:
     return Camera(
         name(found.words.get("camera_name", path.stem), where),
         matrix.reshape(3, 3),
-        _first(matrices, _LENS, np.zeros(5)).ravel(),
+        _first(matrices, LENS_NAMES, np.zeros(5)).ravel(),
         turn,
         metre * move,
         _size(found),
@@ -203,7 +203,7 @@ def _from_pair(found: Named, path: Path, metre: float) -> list[Camera]:
     cameras = []
     for i, (r, t) in enumerate(poses, 1):
         matrix = entry(matrices, (f"{key[:-1]}{i}",), "the file")
-        lens = tuple(name for name in _LENSES if name.endswith(str(i)))
+        lens = tuple(name for name in _BOTH_LENSES if name.endswith(str(i)))
         cameras.append(
             Camera(
                 f"{path.stem} {i}",

@@ -275,3 +275,32 @@ def test_json_of_cameras_by_name_and_lenses_that_are_not_understood(tmp_path):
     path.write_text(json.dumps({"camera_matrix": [[900, 0], [0, 905, 3], [0, 0, 1]]}))
     with pytest.raises(InputError, match="rows of different length"):
         ht.load_cameras(path)
+
+
+def test_a_list_of_cameras_by_opencv_s_names_is_in_metres(tmp_path):
+    cameras, path = rig(3), tmp_path / "rig.json"
+    told = [
+        {"id": i, "camera_matrix": c.matrix.tolist(), "dist_coeffs": c.distortion.tolist(),
+         "rvec": matrix_to_vector(c.rotation).tolist(), "tvec": c.translation[:, None].tolist()}
+        for i, c in enumerate(cameras)
+    ]  # fmt: skip
+    for data in ({"cameras": told}, {"cameras": {f"c{c['id']}": c for c in told}}):
+        path.write_text(json.dumps(data))
+        same(ht.load_cameras(path), cameras)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.json", json.dumps({"cameras": [{"name": "a", "K": K, "R": np.eye(3).tolist(),
+                                            "t": [0, 0, 0], "dist_of_mine": D}]})),
+        ("a.toml", f"[cam]\nname='a'\nmatrix={K}\nrotation=[0,0,0]\ntranslation=[0,0,0]\n"
+                   f"dist_of_mine={D}\n"),
+    ],
+)  # fmt: skip
+def test_a_distortion_by_another_name_is_told_of_not_left_out(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match="dist_of_mine is not understood"):
+        ht.load_cameras(tmp_path / name)
+    (tmp_path / name).write_text(text.replace("dist_of_mine", "distortion"))
+    np.testing.assert_array_equal(ht.load_cameras(tmp_path / name)[0].distortion[:5], D)
