@@ -148,11 +148,14 @@ def is_hand_number(name: str) -> bool:
     )
 
 
+_BESIDE = {"tracking", "is", "are"}
+
+
 @lru_cache(KEPT)
 def is_confidence(name: str) -> bool:
     """Whether a name is of confidences, of a hand or of all its joints."""
     given = set(words(name))
-    return bool(given & CONFIDENCES) and given <= CONFIDENCES | JOINTS | ABOUT_JOINTS | {"tracking"}
+    return bool(given & CONFIDENCES) and given <= CONFIDENCES | JOINTS | ABOUT_JOINTS | _BESIDE
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,11 @@ from handtrack.sequences.titles import (
 
 FINEST = ("ns", "us", "ms", "s", "")
 """Of several times the one of the finest stated unit is taken."""
-RATES = ("fps", "frame_rate", "framerate", "sample_rate", "hz", "frames_per_second", "rate")
+RATES = (
+    *("fps", "frame_rate", "framerate", "sample_rate", "hz", "frames_per_second", "rate"),
+    *("sampling_rate", "sampling_frequency", "frequency", "freq", "fs", "video_fps"),
+    *("frame_rate_hz", "sample_rate_hz", "sampling_rate_hz"),
+)
 UNIT_KEYS = ("unit", "units")
 _FEWEST = 4
 """Fewer joints by name are no hand."""
@@ -118,6 +122,9 @@ def from_fields(fields: Mapping[str, Any], path: Path) -> Raw:
     raw.truth = _truth(fields, key, unit, joints, path)
     raw.shown = shown_by(fields, key, joints, path) if raw.detector else None
     _refuse_meant(there, path)
+    unused = [k for k, v in there.items() if _numbers_of_joints(v) and not is_confidence(k)]
+    if unused:
+        raw.notes = (*raw.notes, f"not used: {shown(', '.join(unused[:8]))}")
     return raw
 
 
@@ -180,8 +187,7 @@ _TOLD = ("rejected",)
 
 def _refuse_meant(fields: Mapping[str, Any], path: Path) -> None:
     for key, value in fields.items():
-        truths = isinstance(value, np.ndarray) and value.dtype.kind == "b" and value.ndim == 2
-        if truths and key not in _TOLD and not is_confidence(key):
+        if _says_of_joints(value) and key not in _TOLD and not is_confidence(key):
             raise InputError(
                 f"{key[:40]!r} is true or false of each joint and is not understood: name it valid"
                 " (true where it is seen), or leave it out",
@@ -196,6 +202,24 @@ def _refuse_meant(fields: Mapping[str, Any], path: Path) -> None:
                 f" {'time_s' if kind == 'a time' else 'hand'}, or leave it out",
                 path,
             )
+
+
+def _says_of_joints(value: Any) -> bool:
+    """Whether it is true or false of each joint."""
+    if isinstance(value, np.ndarray):
+        return value.dtype.kind == "b" and value.ndim == 2
+    row = value[0] if isinstance(value, list) and value else None
+    return isinstance(row, list) and len(row) == N_JOINTS and all(type(x) is bool for x in row)
+
+
+def _numbers_of_joints(value: Any) -> bool:
+    """Whether it is a number of each joint, such as weights."""
+    if isinstance(value, np.ndarray):
+        return value.dtype.kind in "fiu" and value.ndim == 2 and value.shape[1] == N_JOINTS
+    row = value[0] if isinstance(value, list) and value else None
+    return (
+        isinstance(row, list) and len(row) == N_JOINTS and all(type(x) in (int, float) for x in row)
+    )
 
 
 def names_joints(key: str) -> bool:

@@ -10,6 +10,7 @@ from handtrack.errors import InputError
 from handtrack.hand.skeleton import ORDERS
 from handtrack.hand.units import Unit
 from handtrack.sequences.names import UNITS, as_side
+from handtrack.sequences.readers.fields import RATES
 from handtrack.sequences.readers.raw import Raw
 
 MOST = 50
@@ -19,7 +20,7 @@ _RATE = re.compile(r"(?i)(?<![\d.])(\d{1,5}(?:\.\d{1,9})?)\s*(?:fps|hz|frames\s*
 _IN_UNITS = re.compile(r"(?i)\b(?:in|are)\s+(?P<unit>[a-z]{1,12})\b")
 _ABOUT_PLACES = re.compile(r"(?i)\b(?:unit|units|position|positions|coordinate|coordinates|joints)")
 _UNIT = {"unit", "units", "length unit", "position unit", "position units", "coordinate unit"}
-_FPS = {"fps", "frame rate", "framerate", "frames per second", "rate", "sample rate", "hz"}
+_FPS = {name.replace("_", " ") for name in RATES}
 _HAND = {"hand", "side", "handedness"}
 
 
