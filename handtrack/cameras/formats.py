@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handtrack.cameras.camera import Camera
-from handtrack.cameras.named import LENS_NAMES, from_fields, from_named
+from handtrack.cameras.named import LENS_NAMES, from_fields, from_named, refuse_other_lens
 from handtrack.cameras.named_files import read_arrays, read_xml, read_yaml
 from handtrack.cameras.numbers import (
     as_number,
@@ -190,9 +190,7 @@ def _lens(table: dict[str, Any], usual: str, where: str) -> Array:
     key = next((k for k in (usual, *LENS_NAMES) if k in table), None)
     if key is not None:
         return numbers(table[key], f"{where} {key}")
-    odd = [k for k in table if "dist" in k.lower() and isinstance(table[k], list)]
-    if odd:
-        raise InputError(f"{where} {shown(odd[0], 60)} is not understood, expected {usual}")
+    refuse_other_lens((k for k, v in table.items() if isinstance(v, list)), f"{where} ", usual)
     return np.zeros(0)
 
 

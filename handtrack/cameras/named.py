@@ -6,7 +6,7 @@ One camera, a stereo pair, a stack, or ROS's camera_info.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -86,18 +86,17 @@ def from_fields(data: dict[str, Any], path: Path, metre: float) -> list[Camera]:
     Raises:
         InputError: as `from_named`.
     """
-    inside = {k: v for k, v in data.items() if isinstance(v, dict)}
-    own = [k for k, v in inside.items() if _has_matrix(_with_known_names(read_fields(v)))]
+    inside = {k: _with_known_names(read_fields(v)) for k, v in data.items() if isinstance(v, dict)}
+    own = {k: v for k, v in inside.items() if any(name in v.matrices for name in _MATRIX)}
     if len(own) < 2:
-        found = read_fields(data)
-        if not _with_known_names(found).matrices:
+        found = _with_known_names(read_fields(data))
+        if not found.matrices:
             raise InputError(
                 "no cameras in it: expected a list under `cameras`, or a camera_matrix"
             )
         return from_named(found, path, metre)
     cameras = []
-    for key in own:
-        found = read_fields(inside[key])
+    for key, found in own.items():
         try:
             cameras += from_named(
                 Named(found.matrices, {"camera_name": key} | found.words), path, metre
@@ -105,10 +104,6 @@ def from_fields(data: dict[str, Any], path: Path, metre: float) -> list[Camera]:
         except InputError as error:
             raise InputError(f"{shown(key, 60)}: {error}") from None
     return cameras
-
-
-def _has_matrix(found: Named) -> bool:
-    return any(key in found.matrices for key in _MATRIX)
 
 
 def _with_known_names(found: Named) -> Named:
@@ -131,12 +126,26 @@ def _with_known_names(found: Named) -> Named:
     if not any(k in matrices for k in lenses) and "k1" in words:
         bent = [as_number(words.get(k, "0"), k) for k in _NUMBERED]
         matrices["distortion_coefficients"] = np.array(bent)
-    for key, value in matrices.items():
-        if "dist" in key.lower() and key not in lenses and value.size >= 4:
-            raise InputError(
-                f"{shown(key, 60)} is not understood, expected distortion_coefficients"
-            )
+    refuse_other_lens(k for k, v in matrices.items() if k not in lenses and v.size >= 4)
     return Named(matrices, words)
+
+
+def refuse_other_lens(
+    arrays: Iterable[str], where: str = "", usual: str = "distortion_coefficients"
+) -> None:
+    """Refuse arrays that are called a distortion, by no name of one: they would be left out.
+
+    Args:
+        arrays: their names, none of which is read.
+        where: what they belong to, before their names.
+        usual: the name to use instead.
+
+    Raises:
+        InputError: one is called so.
+    """
+    for key in arrays:
+        if "dist" in key.lower():
+            raise InputError(f"{where}{shown(key, 60)} is not understood, expected {usual}")
 
 
 def _known_name(key: str) -> str:

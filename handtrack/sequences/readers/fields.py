@@ -122,7 +122,7 @@ def from_fields(fields: Mapping[str, Any], path: Path) -> Raw:
     raw.truth = _truth(fields, key, unit, joints, path)
     raw.shown = shown_by(fields, key, joints, path) if raw.detector else None
     _refuse_meant(there, path)
-    unused = [k for k, v in there.items() if _numbers_of_joints(v) and not is_confidence(k)]
+    unused = [k for k, v in there.items() if _of_joints(v) is float and not is_confidence(k)]
     if unused:
         raw.notes = (*raw.notes, f"not used: {shown(', '.join(unused[:8]))}")
     return raw
@@ -187,7 +187,7 @@ _TOLD = ("rejected",)
 
 def _refuse_meant(fields: Mapping[str, Any], path: Path) -> None:
     for key, value in fields.items():
-        if _says_of_joints(value) and key not in _TOLD and not is_confidence(key):
+        if _of_joints(value) is bool and key not in _TOLD and not is_confidence(key):
             raise InputError(
                 f"{key[:40]!r} is true or false of each joint and is not understood: name it valid"
                 " (true where it is seen), or leave it out",
@@ -204,22 +204,18 @@ def _refuse_meant(fields: Mapping[str, Any], path: Path) -> None:
             )
 
 
-def _says_of_joints(value: Any) -> bool:
-    """Whether it is true or false of each joint."""
+def _of_joints(value: Any) -> type | None:
+    """bool or float, where a value holds one of these for each joint; else None."""
     if isinstance(value, np.ndarray):
-        return value.dtype.kind == "b" and value.ndim == 2
+        if value.dtype.kind == "b" and value.ndim == 2:
+            return bool
+        numbers = value.dtype.kind in "fiu" and value.ndim == 2 and value.shape[1] == N_JOINTS
+        return float if numbers else None
     row = value[0] if isinstance(value, list) and value else None
-    return isinstance(row, list) and len(row) == N_JOINTS and all(type(x) is bool for x in row)
-
-
-def _numbers_of_joints(value: Any) -> bool:
-    """Whether it is a number of each joint, such as weights."""
-    if isinstance(value, np.ndarray):
-        return value.dtype.kind in "fiu" and value.ndim == 2 and value.shape[1] == N_JOINTS
-    row = value[0] if isinstance(value, list) and value else None
-    return (
-        isinstance(row, list) and len(row) == N_JOINTS and all(type(x) in (int, float) for x in row)
-    )
+    if not isinstance(row, list) or len(row) != N_JOINTS:
+        return None
+    kinds = {type(x) for x in row}
+    return bool if kinds == {bool} else float if kinds <= {int, float} else None
 
 
 def names_joints(key: str) -> bool:
